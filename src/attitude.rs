@@ -1,0 +1,316 @@
+//! Positions (α, β, γ), the attitude matrix C_c^n, Earth rate and gravity in the n frame.
+//!
+//! # Frames
+//!
+//! - **n**: local geographic, North – Up – East (x, y, z).
+//! - **c**: the computed platform frame; **p**: the true platform.
+//!
+//! A position is the Euler triple of (19), `C_c^n = Mx(α) My(β) Mz(γ)`: it takes components in
+//! c to components in n. `Mx, My, Mz` are frame (passive) rotations,
+//!
+//! ```text
+//! Mx(α) = |1  0   0 |   My(β) = |cβ 0 -sβ|   Mz(γ) = | cγ sγ 0|
+//!         |0  cα  sα|           |0  1  0 |           |-sγ cγ 0|
+//!         |0 -sα  cα|           |sβ 0  cβ|           | 0  0  1|
+//! ```
+//!
+//! so that the *outermost* rotation, the one nearest the n frame, is α.
+//!
+//! # Derivatives
+//!
+//! A small change of the angles turns the matrix on the left: `dC = −[φ×] C` with
+//! `φ = e_x dα + Mx(α) e_y dβ + C e_z dγ` ([`Attitude::rotation_axes`]). From
+//! `dMx/dα = −[e_x×] Mx`, and `M [v×] = [(M v)×] M` for a rotation M.
+
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+
+use crate::units::{Angle, EARTH_RATE_RAD_PER_S};
+
+/// Index of the North component.
+pub const NORTH: usize = 0;
+/// Index of the Up component.
+pub const UP: usize = 1;
+/// Index of the East component.
+pub const EAST: usize = 2;
+
+/// The gravity vector in n in units of 1 g, (0, −1, 0): North – Up – East.
+pub const GRAVITY_N: Vector3<f64> = Vector3::new(0.0, -1.0, 0.0);
+
+/// Earth rate in n, ω_ie^n = (ω_N, ω_U, 0) = ω_ie (cos L, sin L, 0), rad/s.
+///
+/// At the poles ω_N is set to exactly zero: cos(π/2) is 6e-17 in floating point, and a spurious
+/// ω_N would pass for an azimuth reference that is not there.
+pub fn earth_rate_n(latitude_rad: f64) -> Vector3<f64> {
+    let (sin_l, cos_l) = latitude_rad.sin_cos();
+    let cos_l = if cos_l.abs() < 1e-15 { 0.0 } else { cos_l };
+    EARTH_RATE_RAD_PER_S * Vector3::new(cos_l, sin_l, 0.0)
+}
+
+/// A position of the platform: the Euler angles (α, β, γ) of (19), rad.
+///
+/// ```
+/// use scheme_opt::attitude::Position;
+/// let p = Position::from_deg(180.0, 0.0, 0.0);
+/// // Upside down: gravity along +y of the platform.
+/// assert!((p.attitude().gravity_c().y - 1.0).abs() < 1e-15);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Position {
+    /// Outer angle α, about x of n, rad.
+    pub alpha: f64,
+    /// Middle angle β, rad.
+    pub beta: f64,
+    /// Inner angle γ, about z of the platform, rad.
+    pub gamma: f64,
+}
+
+impl Position {
+    /// From (α, β, γ) in radians.
+    pub const fn from_rad(alpha: f64, beta: f64, gamma: f64) -> Self {
+        Self { alpha, beta, gamma }
+    }
+
+    /// From (α, β, γ) in degrees.
+    pub fn from_deg(alpha_deg: f64, beta_deg: f64, gamma_deg: f64) -> Self {
+        Self::from_rad(
+            Angle::from_deg(alpha_deg).rad(),
+            Angle::from_deg(beta_deg).rad(),
+            Angle::from_deg(gamma_deg).rad(),
+        )
+    }
+
+    /// From the array `[α, β, γ]`, rad.
+    pub const fn from_array(angles: [f64; 3]) -> Self {
+        Self::from_rad(angles[0], angles[1], angles[2])
+    }
+
+    /// As the array `[α, β, γ]`, rad.
+    pub const fn to_array(self) -> [f64; 3] {
+        [self.alpha, self.beta, self.gamma]
+    }
+
+    /// As `[α, β, γ]` in degrees, rounded to the 1e-9° that files carry.
+    pub fn to_deg(self) -> [f64; 3] {
+        self.to_array()
+            .map(|rad| crate::units::round_deg(Angle::from_rad(rad).deg()))
+    }
+
+    /// The attitude C_c^n of this position, (19).
+    pub fn attitude(self) -> Attitude {
+        let (sa, ca) = self.alpha.sin_cos();
+        let (sb, cb) = self.beta.sin_cos();
+        let (sg, cg) = self.gamma.sin_cos();
+        Attitude(Matrix3::new(
+            cb * cg,
+            cb * sg,
+            -sb,
+            sa * sb * cg - ca * sg,
+            sa * sb * sg + ca * cg,
+            sa * cb,
+            ca * sb * cg + sa * sg,
+            ca * sb * sg - sa * cg,
+            ca * cb,
+        ))
+    }
+}
+
+/// The attitude matrix C_c^n: takes components in c to components in n. A rotation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attitude(Matrix3<f64>);
+
+impl Attitude {
+    /// From a rotation.
+    pub fn from_rotation(rotation: Rotation3<f64>) -> Self {
+        Self(rotation.into_inner())
+    }
+
+    /// An attitude with gravity along `direction` of the platform (any length but zero), turned
+    /// by `heading_rad` about the vertical from an arbitrary but fixed start; `None` when the
+    /// direction is zero or not finite.
+    pub fn with_gravity_along(direction: Vector3<f64>, heading_rad: f64) -> Option<Self> {
+        let unit = Unit::try_new(direction, 1e-12)?;
+        if !unit.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        // The Up row of C_c^n is −g^c. The North row is any unit vector at right angles to it;
+        // starting from the platform axis least aligned with gravity keeps that well defined.
+        let up = -unit.into_inner();
+        let smallest = up.iamin();
+        let mut axis = Vector3::zeros();
+        axis[smallest] = 1.0;
+        let north = (axis - up * up.dot(&axis)).normalize();
+        let east = north.cross(&up);
+        let start = Matrix3::from_rows(&[north.transpose(), up.transpose(), east.transpose()]);
+        let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), heading_rad);
+        Some(Self(turn.matrix() * start))
+    }
+
+    /// The matrix C_c^n.
+    pub const fn matrix(&self) -> &Matrix3<f64> {
+        &self.0
+    }
+
+    /// Gravity in the platform, g^c = C_n^c g^n (20): minus the Up row of C_c^n, in g.
+    pub fn gravity_c(&self) -> Vector3<f64> {
+        -self.0.row(UP).transpose()
+    }
+
+    /// One Euler triple of this attitude, β in [−90°, 90°]. At β = ±90° only α ∓ γ is
+    /// determined; γ is then set to zero.
+    pub fn position(&self) -> Position {
+        let c = &self.0;
+        let sin_beta = (-c[(0, 2)]).clamp(-1.0, 1.0);
+        // |cos β| below this is the gimbal lock of the triple; the remaining angle is read off
+        // the rows that stay determined.
+        if c[(0, 0)].hypot(c[(0, 1)]) < 1e-12 {
+            let alpha = f64::atan2(-c[(2, 1)], c[(1, 1)]);
+            let beta = std::f64::consts::FRAC_PI_2.copysign(sin_beta);
+            return Position::from_rad(alpha, beta, 0.0);
+        }
+        let cos_beta = c[(0, 0)].hypot(c[(0, 1)]);
+        Position::from_rad(
+            c[(1, 2)].atan2(c[(2, 2)]),
+            sin_beta.atan2(cos_beta),
+            c[(0, 1)].atan2(c[(0, 0)]),
+        )
+    }
+
+    /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.
+    pub fn rotation_axes(&self, position: Position) -> [Vector3<f64>; 3] {
+        let (sa, ca) = position.alpha.sin_cos();
+        [
+            Vector3::x(),
+            // Mx(α) e_y is the second column of Mx(α).
+            Vector3::new(0.0, ca, -sa),
+            self.0.column(2).into_owned(),
+        ]
+    }
+}
+
+/// Wraps an angle to (−π, π], so that a half turn stays positive.
+pub fn wrap_half_turn(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let wrapped = angle - TAU * (angle / TAU).round();
+    if wrapped <= -PI {
+        wrapped + TAU
+    } else {
+        wrapped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    fn mx(a: f64) -> Matrix3<f64> {
+        let (s, c) = a.sin_cos();
+        Matrix3::new(1.0, 0.0, 0.0, 0.0, c, s, 0.0, -s, c)
+    }
+    fn my(b: f64) -> Matrix3<f64> {
+        let (s, c) = b.sin_cos();
+        Matrix3::new(c, 0.0, -s, 0.0, 1.0, 0.0, s, 0.0, c)
+    }
+    fn mz(g: f64) -> Matrix3<f64> {
+        let (s, c) = g.sin_cos();
+        Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    const SAMPLES: [[f64; 3]; 5] = [
+        [0.0, 0.0, 0.0],
+        [0.3, -0.7, 2.1],
+        [-2.9, 1.2, -0.4],
+        [1.0, 3.0, -3.0],
+        [3.1, -1.5, 0.9],
+    ];
+
+    #[test]
+    fn attitude_is_the_product_of_equation_19() {
+        for [a, b, g] in SAMPLES {
+            let c = Position::from_rad(a, b, g).attitude();
+            assert!((c.matrix() - mx(a) * my(b) * mz(g)).amax() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn gravity_in_the_platform_is_equation_20() {
+        for [a, b, g] in SAMPLES {
+            let p = Position::from_rad(a, b, g);
+            let expected = Vector3::new(
+                g.sin() * a.cos() - a.sin() * b.sin() * g.cos(),
+                -a.cos() * g.cos() - a.sin() * b.sin() * g.sin(),
+                -a.sin() * b.cos(),
+            );
+            let gravity = p.attitude().gravity_c();
+            assert!((gravity - expected).amax() < 1e-15);
+            assert!((gravity - p.attitude().matrix().transpose() * GRAVITY_N).amax() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn angles_read_back_give_the_same_attitude() {
+        let mut samples = SAMPLES.to_vec();
+        samples.extend([
+            [0.4, FRAC_PI_2, 0.0],
+            [0.4, -FRAC_PI_2, 1.1],
+            [-2.0, FRAC_PI_2, 2.5],
+        ]);
+        for angles in samples {
+            let c = Position::from_array(angles).attitude();
+            let again = c.position().attitude();
+            assert!((c.matrix() - again.matrix()).amax() < 1e-12, "{angles:?}");
+        }
+    }
+
+    #[test]
+    fn rotation_axes_are_the_derivative() {
+        let h = 1e-6;
+        for angles in SAMPLES {
+            let p = Position::from_array(angles);
+            let c = p.attitude();
+            for (i, axis) in c.rotation_axes(p).iter().enumerate() {
+                let (mut hi, mut lo) = (angles, angles);
+                hi[i] += h;
+                lo[i] -= h;
+                let numeric = (Position::from_array(hi).attitude().matrix()
+                    - Position::from_array(lo).attitude().matrix())
+                    / (2.0 * h);
+                let exact = -axis.cross_matrix() * c.matrix();
+                assert!((numeric - exact).amax() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn gravity_can_be_put_along_any_direction() {
+        for d in [
+            [1.0, 0.0, 0.0],
+            [0.0, -2.0, 0.0],
+            [1.0, 1.0, 1.0],
+            [-0.3, 0.2, 0.9],
+        ] {
+            let d = Vector3::from(d);
+            for heading in [0.0, 1.0, PI] {
+                let c = Attitude::with_gravity_along(d, heading).unwrap();
+                assert!((c.gravity_c() - d.normalize()).amax() < 1e-15);
+                assert!((c.matrix() * c.matrix().transpose() - Matrix3::identity()).amax() < 1e-14);
+                assert!((c.matrix().determinant() - 1.0).abs() < 1e-14);
+            }
+        }
+        assert!(Attitude::with_gravity_along(Vector3::zeros(), 0.0).is_none());
+    }
+
+    #[test]
+    fn half_turns_wrap_to_the_positive_side() {
+        assert_eq!(wrap_half_turn(PI), PI);
+        assert_eq!(wrap_half_turn(-PI), PI);
+        assert_eq!(wrap_half_turn(3.0 * PI), PI);
+        assert!((wrap_half_turn(-0.1 - 4.0 * PI) + 0.1).abs() < 1e-14);
+    }
+
+    #[test]
+    fn no_north_component_of_earth_rate_at_the_poles() {
+        assert_eq!(earth_rate_n(FRAC_PI_2)[NORTH], 0.0);
+        assert_eq!(earth_rate_n(-FRAC_PI_2)[NORTH], 0.0);
+    }
+}

@@ -1,0 +1,11 @@
+//! Torquing-scheme optimisation.
+pub mod attitude;
+pub mod drift;
+pub mod dynamics;
+pub mod error;
+pub mod motion;
+pub mod platform;
+pub mod schedule;
+pub mod units;
+
+pub use error::{Error, Result};

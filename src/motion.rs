@@ -1,0 +1,327 @@
+//! From a schedule to a timeline: moves between positions, their duration and drift integral.
+//!
+//! In `slew` repositioning the gimbal angles move linearly in time and arrive together; the
+//! duration is the largest angle change divided by the slew rate (zero when no rate is given),
+//! and a settle time follows every unmeasured move. Unlimited gimbals take the short way round,
+//! ties positive; limited ones stay inside their ranges. While the platform moves the drift still
+//! integrates: Δψ^n = ∫ Φ(t_end − t) A(R(t)) dt · D ([`Move::drift_integral`]).
+//!
+//! In `frame-hold` repositioning a move takes no time and ψ^n ← C_{k+1} C_kᵀ ψ^n.
+//!
+//! Nothing precedes the first position of a schedule.
+
+pub(crate) mod integral;
+
+use crate::attitude::{Attitude, Position, wrap_half_turn};
+use crate::error::{Error, Result};
+use crate::platform::{Platform, Repositioning};
+use crate::schedule::{Schedule, ScheduledPosition};
+use crate::units::Angle;
+
+/// A change of position: angles linear in time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Move {
+    /// (α, β, γ) at the start, rad.
+    pub from: [f64; 3],
+    /// Change of (α, β, γ), rad: the way actually taken, more than a half turn only on limited
+    /// gimbals.
+    pub change: [f64; 3],
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Whether the filter measures meanwhile.
+    pub measured: bool,
+}
+
+impl Move {
+    /// (α, β, γ) at the `fraction` 0..1 of the move, rad.
+    pub fn angles_at(&self, fraction: f64) -> [f64; 3] {
+        std::array::from_fn(|i| self.from[i] + fraction * self.change[i])
+    }
+
+    /// The axis that takes longest, and how far it turns, rad.
+    pub fn slowest_axis(&self) -> (usize, f64) {
+        let mut slowest = (0, 0.0);
+        for (i, change) in self.change.iter().enumerate() {
+            if change.abs() > slowest.1 {
+                slowest = (i, change.abs());
+            }
+        }
+        slowest
+    }
+}
+
+/// The way the gimbals take from one position to another, rad: the short way round on unlimited
+/// axes (a half turn goes positive), straight on limited ones.
+pub fn gimbal_change(platform: &Platform, from: Position, to: Position) -> [f64; 3] {
+    let (from, to) = (from.to_array(), to.to_array());
+    std::array::from_fn(|i| {
+        let change = to[i] - from[i];
+        match platform.gimbals.ranges[i] {
+            Some(_) => change,
+            None => wrap_half_turn(change),
+        }
+    })
+}
+
+/// One position of a timeline: the move to it, the settle, the dwell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    /// The move to the position; none for the first position.
+    pub arrival: Option<Move>,
+    /// Settling after the move, s; the filter does not measure.
+    pub settle_s: f64,
+    /// The position.
+    pub position: Position,
+    /// Its attitude.
+    pub attitude: Attitude,
+    /// How long it is held, s.
+    pub dwell_s: f64,
+}
+
+impl Leg {
+    /// Duration of move, settle and dwell, s.
+    pub fn duration_s(&self) -> f64 {
+        self.arrival.map_or(0.0, |m| m.duration_s) + self.settle_s + self.dwell_s
+    }
+}
+
+/// A schedule resolved against a platform: what happens when.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timeline {
+    legs: Vec<Leg>,
+}
+
+/// Most filter periods a timeline may have: the step-by-step filter visits each of them.
+pub const MAX_FILTER_PERIODS: f64 = 2e7;
+
+impl Timeline {
+    /// Resolves `schedule` on `platform`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] when a position lies outside a gimbal's range or off the index table,
+    /// a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
+    /// test is longer than the filter can be stepped through ([`MAX_FILTER_PERIODS`]).
+    pub fn new(platform: &Platform, schedule: &Schedule) -> Result<Self> {
+        let mut legs: Vec<Leg> = Vec::with_capacity(schedule.positions().len());
+        for (index, p) in schedule.positions().iter().enumerate() {
+            check_reachable(platform, index, p.position)?;
+            let from = legs.last().map(|leg| leg.position);
+            let leg = Self::leg(platform, from, p);
+            check_move(platform, index, p, &leg)?;
+            legs.push(leg);
+        }
+        let timeline = Self { legs };
+        let periods = timeline.total_time_s() / platform.period_s;
+        if periods > MAX_FILTER_PERIODS {
+            return Err(Error::input("the test has too many filter periods")
+                .with_key("filter.period_s")
+                .with_value(platform.period_s)
+                .with_allowed(format!(
+                    "at most {MAX_FILTER_PERIODS:e} periods in the test"
+                )));
+        }
+        Ok(timeline)
+    }
+
+    /// One leg, unchecked: for searches, which only propose what is reachable.
+    pub(crate) fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
+        let motion = &platform.motion;
+        let arrival = from.map(|from| {
+            let change = gimbal_change(platform, from, p.position);
+            let mut m = Move {
+                from: from.to_array(),
+                change,
+                duration_s: 0.0,
+                measured: p.move_measured.unwrap_or(motion.measure_moves),
+            };
+            if motion.repositioning == Repositioning::Slew {
+                let by_rate = motion
+                    .slew_rate_rad_per_s
+                    .map_or(0.0, |rate| m.slowest_axis().1 / rate);
+                m.duration_s = p.move_s.unwrap_or(by_rate);
+            }
+            m
+        });
+        Leg {
+            arrival,
+            settle_s: match arrival {
+                Some(m) if !m.measured => motion.settle_s,
+                _ => 0.0,
+            },
+            position: p.position,
+            attitude: p.position.attitude(),
+            dwell_s: p.dwell_s,
+        }
+    }
+
+    /// From legs that a search made itself.
+    pub(crate) fn from_legs(legs: Vec<Leg>) -> Self {
+        Self { legs }
+    }
+
+    /// The legs in order.
+    pub fn legs(&self) -> &[Leg] {
+        &self.legs
+    }
+
+    /// Duration of the whole test, moves and settles included, s.
+    pub fn total_time_s(&self) -> f64 {
+        self.legs.iter().map(Leg::duration_s).sum()
+    }
+
+    /// Time spent in moves and settles, s.
+    pub fn overhead_s(&self) -> f64 {
+        self.legs.iter().map(|l| l.duration_s() - l.dwell_s).sum()
+    }
+}
+
+/// Slack on ranges and index steps, rad: 1e-9° plus rounding.
+const ANGLE_SLACK_RAD: f64 = 1e-10;
+
+/// Checks a position against the ranges and the index table.
+fn check_reachable(platform: &Platform, index: usize, position: Position) -> Result<()> {
+    const AXES: [&str; 3] = ["alpha_deg", "beta_deg", "gamma_deg"];
+    let deg = position.to_deg();
+    for (i, angle) in position.to_array().into_iter().enumerate() {
+        let key = format!("positions[{index}].{}", AXES[i]);
+        if let Some(range) = platform.gimbals.ranges[i]
+            && !(range.low_rad - ANGLE_SLACK_RAD..=range.high_rad + ANGLE_SLACK_RAD)
+                .contains(&angle)
+        {
+            let [low, high] = [range.low_rad, range.high_rad]
+                .map(|v| crate::units::round_deg(Angle::from_rad(v).deg()));
+            return Err(Error::out_of_range(
+                &key,
+                deg[i],
+                &format!("the gimbal's range {low} to {high}"),
+            ));
+        }
+        if let Some(step) = platform.gimbals.step_rad {
+            let off = angle - step * (angle / step).round();
+            if off.abs() > 1e-8 {
+                let step_deg = crate::units::round_deg(Angle::from_rad(step).deg());
+                return Err(Error::out_of_range(
+                    &key,
+                    deg[i],
+                    &format!("multiples of gimbals.step_deg = {step_deg}"),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks a `move_s` against the repositioning mode and the slew rate.
+fn check_move(platform: &Platform, index: usize, p: &ScheduledPosition, leg: &Leg) -> Result<()> {
+    let (Some(m), Some(move_s)) = (leg.arrival, p.move_s) else {
+        return Ok(());
+    };
+    let key = format!("positions[{index}].move_s");
+    if platform.motion.repositioning == Repositioning::FrameHold && move_s != 0.0 {
+        return Err(
+            Error::input("a move takes no time in frame-hold repositioning")
+                .with_key(key)
+                .with_value(move_s)
+                .with_allowed("0, or motion.repositioning = \"slew\""),
+        );
+    }
+    if let Some(rate) = platform.motion.slew_rate_rad_per_s {
+        let shortest = m.slowest_axis().1 / rate;
+        if move_s < shortest * (1.0 - 1e-9) {
+            return Err(
+                Error::input("the move would exceed motion.slew_rate_deg_per_s")
+                    .with_key(key)
+                    .with_value(move_s)
+                    .with_allowed(format!("{shortest:.3} or more")),
+            );
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::PlatformConfig;
+
+    fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
+        let mut config = PlatformConfig::default();
+        change(&mut config);
+        config.check().unwrap()
+    }
+
+    fn schedule(angles_deg: &[[f64; 3]]) -> Schedule {
+        let positions = angles_deg
+            .iter()
+            .map(|a| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), 100.0));
+        Schedule::new(positions.collect()).unwrap()
+    }
+
+    #[test]
+    fn unlimited_gimbals_take_the_short_way_and_half_turns_go_positive() {
+        let p = platform(|_| {});
+        let at = |a| Position::from_deg(a, 0.0, 0.0);
+        let way = |from, to| Angle::from_rad(gimbal_change(&p, at(from), at(to))[0]).deg();
+        assert!((way(170.0, -170.0) - 20.0).abs() < 1e-9);
+        assert!((way(-170.0, 170.0) + 20.0).abs() < 1e-9);
+        assert!((way(0.0, 180.0) - 180.0).abs() < 1e-9);
+        assert!((way(180.0, 0.0) - 180.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn limited_gimbals_go_straight() {
+        let p = platform(|c| c.gimbals.alpha_deg = Some([-180.0, 180.0]));
+        let way = gimbal_change(
+            &p,
+            Position::from_deg(170.0, 0.0, 0.0),
+            Position::from_deg(-170.0, 0.0, 0.0),
+        );
+        assert!((Angle::from_rad(way[0]).deg() + 340.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn total_time_counts_moves_and_settles_but_nothing_before_the_first_position() {
+        let p = platform(|c| {
+            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.settle_s = 30.0;
+        });
+        let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0], [10.0, 80.0, 20.0]]);
+        let t = Timeline::new(&p, &s).unwrap();
+        // 60° at 0.5 °/s is 120 s; the zero-time move to the same position settles too.
+        assert!((t.total_time_s() - (300.0 + 120.0 + 60.0)).abs() < 1e-9);
+        assert!((t.overhead_s() - 180.0).abs() < 1e-9);
+        let measured = platform(|c| {
+            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.settle_s = 30.0;
+            c.motion.measure_moves = true;
+        });
+        let t = Timeline::new(&measured, &s).unwrap();
+        assert!((t.total_time_s() - (300.0 + 120.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_the_platform_cannot_do_is_refused_by_key() {
+        let p = platform(|c| {
+            c.gimbals.beta_deg = Some([-60.0, 60.0]);
+            c.motion.slew_rate_deg_per_s = Some(1.0);
+        });
+        let s = schedule(&[[0.0, 0.0, 0.0], [0.0, 61.0, 0.0]]);
+        let error = Timeline::new(&p, &s).unwrap_err();
+        assert_eq!(error.key(), Some("positions[1].beta_deg"));
+        assert!(error.allowed().unwrap().contains("-60 to 60"));
+
+        let table = platform(|c| c.gimbals.step_deg = Some(15.0));
+        let error = Timeline::new(&table, &schedule(&[[0.0, 20.0, 0.0]])).unwrap_err();
+        assert_eq!(error.key(), Some("positions[0].beta_deg"));
+        assert!(Timeline::new(&table, &schedule(&[[0.0, -165.0, 345.0]])).is_ok());
+
+        let mut positions = schedule(&[[0.0; 3], [30.0, 0.0, 0.0]]).positions().to_vec();
+        positions[1].move_s = Some(29.0);
+        let fast = Schedule::new(positions).unwrap();
+        let error = Timeline::new(&p, &fast).unwrap_err();
+        assert_eq!(error.key(), Some("positions[1].move_s"));
+        let hold = platform(|c| c.motion.repositioning = Repositioning::FrameHold);
+        assert!(Timeline::new(&hold, &fast).unwrap_err().is_input());
+    }
+}
