@@ -175,6 +175,17 @@ impl Attitude {
         )
     }
 
+    /// Reverse mode of [`Position::attitude`]: given ∂f/∂C at `position`, ∂f/∂(α, β, γ).
+    /// From `dC = −[φ×] C`: ∂f/∂φ = −Σ_j C_j × C̄_j over the columns.
+    pub fn angle_adjoint(&self, position: Position, c_adjoint: &Matrix3<f64>) -> [f64; 3] {
+        let mut torque = Vector3::zeros();
+        for j in 0..3 {
+            torque += self.0.column(j).cross(&c_adjoint.column(j));
+        }
+        self.rotation_axes(position)
+            .map(|axis| -axis.dot(&torque))
+    }
+
     /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.
     pub fn rotation_axes(&self, position: Position) -> [Vector3<f64>; 3] {
         let (sa, ca) = position.alpha.sin_cos();

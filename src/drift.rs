@@ -198,8 +198,7 @@ pub fn times_drift_matrix(x: &Matrix3<f64>, attitude: &Attitude) -> DriftMatrix 
 /// returns ∂f/∂(α, β, γ).
 ///
 /// With A's columns a = s_a(g) C_j, the adjoint of C collects s_a Ā_a in column j and, through
-/// g = −(Up row of C)ᵀ, the adjoint of s_a in the Up row; then dC = −[φ×] C gives
-/// ∂f/∂φ = −Σ_j C_j × C̄_j.
+/// g = −(Up row of C)ᵀ, the adjoint of s_a in the Up row.
 pub fn drift_matrix_adjoint(
     position: Position,
     attitude: &Attitude,
@@ -218,16 +217,7 @@ pub fn drift_matrix_adjoint(
             c_adjoint[(UP, axis)] -= sign * c.column(j).dot(&column);
         }
     }
-    let mut torque = Vector3::zeros();
-    for j in 0..3 {
-        torque += c
-            .column(j)
-            .into_owned()
-            .cross(&c_adjoint.column(j).into_owned());
-    }
-    attitude
-        .rotation_axes(position)
-        .map(|axis| -axis.dot(&torque))
+    attitude.angle_adjoint(position, &c_adjoint)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Torquing-scheme optimisation.
 pub mod attitude;
+pub mod covariance;
 pub mod drift;
 pub mod dynamics;
 pub mod error;

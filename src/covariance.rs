@@ -1,0 +1,157 @@
+//! What the filter will know: the covariance of a schedule, before any test.
+//!
+//! Everything is linear and Gaussian, so the covariance does not depend on the data. In n the
+//! six states (ψ^n, ε^n) of a dwell obey the same equations at every position; the position
+//! enters only through ε^n = A D. So one [`kernel`] per dwell duration serves all positions, and
+//! a schedule is a short [`chain`] of them, at a cost independent of how long the dwells are:
+//!
+//! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
+//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
+//! - [`gradient`]: its reverse mode;
+//! - [`reference`]: an independent step-by-step square-root filter on faer, for the convergence
+//!   history and to check every winner.
+//!
+//! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
+
+pub mod chain;
+pub mod gradient;
+pub mod kernel;
+pub mod reference;
+mod small;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::dynamics::ErrorDynamics;
+use crate::error::{Error, Result};
+use crate::platform::Platform;
+use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
+use kernel::KernelTable;
+
+/// When the filter measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TickRule {
+    /// As the filter runs: the first measurement one period after a dwell starts; a remainder
+    /// shorter than a period propagates without a measurement. Discontinuous in the duration.
+    #[default]
+    Filter,
+    /// For optimisation: a remainder of a fraction f of a period ends with a measurement of
+    /// information f/r². Continuous in the duration, and equal to [`TickRule::Filter`] at whole
+    /// periods, where a search's schedules end up.
+    Relaxed,
+}
+
+/// Splits a duration into whole filter periods and a remainder, s. A duration within 1e-9
+/// periods of a whole number counts as whole.
+pub fn split_periods(duration_s: f64, period_s: f64) -> (usize, f64) {
+    let periods = (duration_s / period_s + 1e-9).floor();
+    let remainder = duration_s - periods * period_s;
+    let remainder = if remainder < 1e-9 * period_s { 0.0 } else { remainder };
+    (periods as usize, remainder)
+}
+
+/// The covariance model of a platform: dynamics, noises and prior in arcsec and °/h, and the
+/// table of dwell kernels. Shared freely between threads.
+#[derive(Debug)]
+pub struct CovarianceModel {
+    pub(crate) dynamics: ErrorDynamics,
+    /// PSD q of the random drift, arcsec²/s.
+    pub(crate) drift_psd: f64,
+    /// Variance r² of a measurement, arcsec².
+    pub(crate) noise_variance: f64,
+    pub(crate) period_s: f64,
+    /// Prior covariance of ψ^n, arcsec².
+    pub(crate) prior_psi: Matrix3<f64>,
+    /// Prior 1σ of the coefficients, °/h.
+    pub(crate) prior_sigma: CoefficientVector,
+    /// Whether a change of position keeps ψ in the platform frame instead of in n.
+    pub(crate) frame_hold: bool,
+    pub(crate) kernels: KernelTable,
+}
+
+impl CovarianceModel {
+    /// The model of `platform`.
+    pub fn new(platform: &Platform) -> Self {
+        let dynamics = ErrorDynamics::new(platform.earth_rate_n);
+        let drift_psd = platform.drift_psd * ARCSEC_PER_RAD.powi(2);
+        let noise_variance = Angle::from_rad(platform.noise_g).arcsec().powi(2);
+        let prior: Vector3<f64> = platform
+            .prior_misalignment_rad
+            .map(|rad| Angle::from_rad(rad).arcsec().powi(2));
+        Self {
+            dynamics,
+            drift_psd,
+            noise_variance,
+            period_s: platform.period_s,
+            prior_psi: Matrix3::from_diagonal(&prior),
+            prior_sigma: platform
+                .prior_drift_rad_per_s
+                .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
+            frame_hold: platform.motion.repositioning
+                == crate::platform::Repositioning::FrameHold,
+            kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
+        }
+    }
+
+    /// Prior 1σ of the coefficients, °/h.
+    pub fn prior_sigma_deg_per_h(&self) -> &CoefficientVector {
+        &self.prior_sigma
+    }
+}
+
+/// The covariance at the end of a schedule.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EndCovariance {
+    /// Of the coefficients, P_D, (°/h)².
+    pub coefficients: CoefficientMatrix,
+    /// Of ψ^n, arcsec², the coefficients' uncertainty included.
+    pub misalignment: Matrix3<f64>,
+}
+
+impl EndCovariance {
+    /// 1σ of each coefficient, °/h.
+    pub fn sigma_deg_per_h(&self) -> CoefficientVector {
+        self.coefficients.diagonal().map(f64::sqrt)
+    }
+
+    /// 1σ of ψ^n about North, Up, East, arcsec.
+    pub fn misalignment_sigma_arcsec(&self) -> Vector3<f64> {
+        self.misalignment.diagonal().map(f64::sqrt)
+    }
+}
+
+/// P_D = S (I + S E S)⁻¹ S with S the prior σ and E the information on D without the prior.
+///
+/// Scaling by the prior makes the smallest eigenvalue 1, so that the factorisation cannot lose
+/// definiteness to rounding and a coefficient with prior σ = 0 (known) stays known.
+///
+/// # Errors
+///
+/// [`Error::is_numerical`] when the information is not finite.
+pub(crate) fn covariance_from_information(
+    information: &CoefficientMatrix,
+    prior_sigma: &CoefficientVector,
+) -> Result<CoefficientMatrix> {
+    let mut scaled = *information;
+    for j in 0..COEFFICIENTS {
+        for i in 0..COEFFICIENTS {
+            scaled[(i, j)] *= prior_sigma[i] * prior_sigma[j];
+        }
+        scaled[(j, j)] += 1.0;
+    }
+    let cholesky = nalgebra::Cholesky::new(scaled).ok_or_else(not_finite)?;
+    let mut covariance = cholesky.inverse();
+    for j in 0..COEFFICIENTS {
+        for i in 0..COEFFICIENTS {
+            covariance[(i, j)] *= prior_sigma[i] * prior_sigma[j];
+        }
+    }
+    Ok(covariance)
+}
+
+fn not_finite() -> Error {
+    Error::numerical(
+        "the information of the schedule overflows double precision: the noises, the prior and \
+         the durations are too far apart to give a trustworthy number",
+    )
+}

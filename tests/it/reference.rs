@@ -1,0 +1,69 @@
+//! The kernel evaluator and the square-root filter against an independent dense Kalman filter.
+
+use scheme_opt::covariance::reference::step_by_step;
+use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::motion::Timeline;
+
+use crate::support::{ReferenceCase, reference_cases};
+
+fn assert_close(what: &str, value: f64, expected: f64, tolerance: f64) {
+    let error = (value / expected - 1.0).abs();
+    assert!(
+        error <= tolerance,
+        "{what}: {value} instead of {expected}, off by {error:e}"
+    );
+}
+
+/// Largest relative difference of a σ from the reference.
+fn worst_sigma(case: &ReferenceCase, end: &EndCovariance) -> f64 {
+    let sigma = end.sigma_deg_per_h();
+    let psi = end.misalignment_sigma_arcsec();
+    let drift = sigma.iter().zip(&case.sigma_deg_per_h);
+    let misalignment = psi.iter().zip(&case.misalignment_arcsec);
+    drift
+        .chain(misalignment)
+        .map(|(value, expected)| (value / expected - 1.0).abs())
+        .fold(0.0, f64::max)
+}
+
+fn check(case: &ReferenceCase, end: &EndCovariance, tolerance: f64) {
+    let worst = worst_sigma(case, end);
+    println!("{}: worst relative error of a sigma {worst:.1e}", case.name);
+    assert!(worst <= tolerance, "{}: {worst:e}", case.name);
+    let sigma = end.sigma_deg_per_h();
+    let rms = (sigma.norm_squared() / 12.0).sqrt();
+    assert_close("rms", rms, case.rms, tolerance);
+    assert_close("max", sigma.max(), case.max, tolerance);
+    let eigenvalues = end.coefficients.symmetric_eigenvalues();
+    assert_close("max_eig", eigenvalues.max().sqrt(), case.max_eig, tolerance);
+    let logdet: f64 = eigenvalues.iter().map(|v| v.ln()).sum();
+    assert!((logdet - case.logdet).abs() < 1e-5, "logdet {logdet}");
+}
+
+#[test]
+fn nine_cases_are_there() {
+    assert_eq!(reference_cases().len(), 9);
+}
+
+#[test]
+fn kernel_evaluator_agrees_to_1e_6() {
+    for case in reference_cases() {
+        let platform = case.config.check().unwrap();
+        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        assert!((timeline.total_time_s() - case.total_time_s).abs() < 1e-3);
+        let end = CovarianceModel::new(&platform)
+            .end_covariance(&timeline, TickRule::Filter)
+            .unwrap();
+        check(&case, &end, 1e-6);
+    }
+}
+
+#[test]
+fn square_root_filter_agrees_to_1e_6() {
+    for case in reference_cases() {
+        let platform = case.config.check().unwrap();
+        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let end = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
+        check(&case, &end, 1e-6);
+    }
+}

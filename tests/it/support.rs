@@ -1,0 +1,102 @@
+//! What several subjects share: reference cases, random schedules.
+
+use std::path::{Path, PathBuf};
+
+use scheme_opt::attitude::Position;
+use scheme_opt::drift::DriftCoefficient;
+use scheme_opt::platform::PlatformConfig;
+use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use serde_json::Value;
+
+/// A schedule with the covariance that an independent dense Kalman filter found.
+pub struct ReferenceCase {
+    pub name: String,
+    pub config: PlatformConfig,
+    pub schedule: Schedule,
+    pub total_time_s: f64,
+    pub sigma_deg_per_h: Vec<f64>,
+    pub misalignment_arcsec: [f64; 3],
+    pub rms: f64,
+    pub max: f64,
+    pub logdet: f64,
+    pub max_eig: f64,
+}
+
+pub fn reference_dir() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference")
+}
+
+/// All cases of tests/reference (see SOURCES.md there), by name.
+pub fn reference_cases() -> Vec<ReferenceCase> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(reference_dir())
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "json"))
+        .collect();
+    files.sort();
+    files.iter().map(|path| read_case(path)).collect()
+}
+
+fn read_case(path: &Path) -> ReferenceCase {
+    let text = std::fs::read_to_string(path).unwrap();
+    let case: Value = serde_json::from_str(&text).unwrap();
+    let number = |v: &Value| v.as_f64().unwrap();
+    let sigma = &case["sigma"];
+    ReferenceCase {
+        name: case["name"].as_str().unwrap().to_owned(),
+        config: serde_json::from_value(case["platform"].clone()).unwrap(),
+        schedule: parse_schedule(&case["schedule"]),
+        total_time_s: number(&case["total_time_s"]),
+        sigma_deg_per_h: DriftCoefficient::ALL
+            .iter()
+            .map(|c| number(&sigma[c.name()]))
+            .collect(),
+        misalignment_arcsec: ["psi_nx_arcsec", "psi_ny_arcsec", "psi_nz_arcsec"]
+            .map(|key| number(&sigma[key])),
+        rms: number(&case["rms_sigma_deg_per_h"]),
+        max: number(&case["max_sigma_deg_per_h"]),
+        logdet: number(&case["logdet_deg_per_h"]),
+        max_eig: number(&case["max_eig_sigma_deg_per_h"]),
+    }
+}
+
+/// A small deterministic generator for test data (SplitMix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub fn position(&mut self) -> Position {
+        let mut angle = || self.between(-180.0, 180.0);
+        Position::from_deg(angle(), angle(), angle())
+    }
+
+    /// Positions with uneven dwells between `low` and `high` seconds.
+    pub fn schedule(&mut self, count: usize, low: f64, high: f64) -> Schedule {
+        let positions = (0..count)
+            .map(|_| ScheduledPosition::new(self.position(), self.between(low, high)))
+            .collect();
+        Schedule::new(positions).unwrap()
+    }
+}
+
+fn parse_schedule(v: &Value) -> Schedule {
+    let positions = v["positions"].as_array().unwrap().iter().map(|p| {
+        let n = |k: &str| p[k].as_f64().unwrap();
+        let mut s = ScheduledPosition::new(Position::from_deg(n("alpha_deg"), n("beta_deg"), n("gamma_deg")), n("dwell_s"));
+        s.move_s = p["move_s"].as_f64();
+        s.move_measured = p["move_measured"].as_bool();
+        s
+    });
+    Schedule::new(positions.collect()).unwrap()
+}
