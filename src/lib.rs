@@ -1,6 +1,7 @@
 //! Torquing-scheme optimisation.
 pub mod attitude;
 pub mod covariance;
+pub mod criterion;
 pub mod drift;
 pub mod dynamics;
 pub mod error;
