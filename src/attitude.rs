@@ -182,8 +182,7 @@ impl Attitude {
         for j in 0..3 {
             torque += self.0.column(j).cross(&c_adjoint.column(j));
         }
-        self.rotation_axes(position)
-            .map(|axis| -axis.dot(&torque))
+        self.rotation_axes(position).map(|axis| -axis.dot(&torque))
     }
 
     /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.

@@ -21,6 +21,7 @@ mod small;
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::attitude::{EAST, UP};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::dynamics::ErrorDynamics;
 use crate::error::{Error, Result};
@@ -46,7 +47,11 @@ pub enum TickRule {
 pub fn split_periods(duration_s: f64, period_s: f64) -> (usize, f64) {
     let periods = (duration_s / period_s + 1e-9).floor();
     let remainder = duration_s - periods * period_s;
-    let remainder = if remainder < 1e-9 * period_s { 0.0 } else { remainder };
+    let remainder = if remainder < 1e-9 * period_s {
+        0.0
+    } else {
+        remainder
+    };
     (periods as usize, remainder)
 }
 
@@ -87,10 +92,15 @@ impl CovarianceModel {
             prior_sigma: platform
                 .prior_drift_rad_per_s
                 .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
-            frame_hold: platform.motion.repositioning
-                == crate::platform::Repositioning::FrameHold,
+            frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
         }
+    }
+
+    /// ω_N, rad/s.
+    pub(crate) fn omega_north(&self) -> f64 {
+        // F_{zy} = −ω_N, from ψ̇_z = ω_U ψ_x − ω_N ψ_y + ε_z (10).
+        -self.dynamics.system_matrix()[(EAST, UP)]
     }
 
     /// Prior 1σ of the coefficients, °/h.

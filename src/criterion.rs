@@ -56,7 +56,10 @@ impl Criterion {
     ///
     /// [`Error::is_numerical`] when P_D is not positive definite where it must be.
     pub fn value(&self, covariance: &CoefficientMatrix) -> Result<f64> {
-        Ok(self.log_with_gradient(covariance, Smoothing::Exact)?.0.exp())
+        Ok(self
+            .log_with_gradient(covariance, Smoothing::Exact)?
+            .0
+            .exp())
     }
 
     /// ln(value) and its derivative with respect to P_D, a symmetric matrix G:
@@ -104,7 +107,12 @@ fn geometric_mean(p: &CoefficientMatrix) -> Result<(f64, CoefficientMatrix)> {
         )
     })?;
     let count = open.len() as f64;
-    let log_det: f64 = cholesky.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+    let log_det: f64 = cholesky
+        .l_dirty()
+        .diagonal()
+        .iter()
+        .map(|d| 2.0 * d.ln())
+        .sum();
     let inverse = cholesky.inverse();
     let mut gradient = CoefficientMatrix::zeros();
     for (i, &row) in open.iter().enumerate() {
@@ -164,7 +172,10 @@ fn soft_maximum(values: &[f64], smoothing: Smoothing) -> (f64, Vec<f64>) {
         }
         Smoothing::PowerMean(power) => {
             // Relative to the maximum, so that no power overflows.
-            let terms: Vec<f64> = values.iter().map(|v| (v / max).max(0.0).powf(power)).collect();
+            let terms: Vec<f64> = values
+                .iter()
+                .map(|v| (v / max).max(0.0).powf(power))
+                .collect();
             let sum: f64 = terms.iter().sum();
             let shares = values
                 .iter()

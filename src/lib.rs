@@ -6,6 +6,7 @@ pub mod drift;
 pub mod dynamics;
 pub mod error;
 pub mod motion;
+pub mod observability;
 pub mod platform;
 pub mod schedule;
 pub mod units;

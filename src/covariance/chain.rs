@@ -24,9 +24,7 @@ use nalgebra::Matrix3;
 use super::small::{condition, square_root, whitener};
 use super::{CovarianceModel, EndCovariance, TickRule, covariance_from_information, split_periods};
 use crate::attitude::{EAST, NORTH};
-use crate::drift::{
-    CoefficientMatrix, DriftMatrix, drift_matrix, times_drift_matrix,
-};
+use crate::drift::{CoefficientMatrix, DriftMatrix, drift_matrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
 

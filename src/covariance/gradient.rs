@@ -23,9 +23,7 @@ use super::chain::{
 use super::small::{condition, square_root, whitener};
 use super::{CovarianceModel, TickRule, covariance_from_information};
 use crate::attitude::{EAST, NORTH};
-use crate::drift::{
-    CoefficientMatrix, DriftMatrix, drift_matrix_adjoint, times_drift_matrix,
-};
+use crate::drift::{CoefficientMatrix, DriftMatrix, drift_matrix_adjoint, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Timeline};
 
@@ -155,8 +153,8 @@ impl Sweep<'_> {
         let attitude = self.legs[leg].attitude;
         let t = k.r11 * before.v + times_drift_matrix(&k.r12, &attitude);
         let seen = times_drift_matrix(&k.r22, &attitude);
-        let mut a_adjoint = k.a_epsilon.transpose() * self.v
-            + k.r22.transpose() * (seen * self.information) * 2.0;
+        let mut a_adjoint =
+            k.a_epsilon.transpose() * self.v + k.r22.transpose() * (seen * self.information) * 2.0;
         self.v = k.a_psi.transpose() * self.v;
         self.p = k.a_psi.transpose() * self.p * k.a_psi;
         let t_adjoint = self.condition(&k.r11, &t, before);
@@ -170,8 +168,7 @@ impl Sweep<'_> {
         let f = dynamics.system_matrix();
         let v_rate = f * self.after.v + drift_matrix_at_end(passage, l, length_s);
         let fp = f * self.after.p;
-        let p_rate =
-            fp + fp.transpose() + Matrix3::identity() * self.model.drift_psd;
+        let p_rate = fp + fp.transpose() + Matrix3::identity() * self.model.drift_psd;
         let length_adjoint = self.v.dot(&v_rate) + self.p.dot(&p_rate);
         match (passage, &l.arrival) {
             (Passage::Moving { start_s, last }, Some(m)) => {

@@ -169,8 +169,12 @@ fn through_noise_gram_root(n: &SMatrix<f64, 6, 3>) -> Matrix3<f64> {
 fn stack_information(w1: &Matrix6, w2: &Matrix6) -> Matrix6 {
     let mut stacked = SMatrix::<f64, 12, 6>::zeros();
     for (to, from) in ORDER.into_iter().enumerate() {
-        stacked.fixed_view_mut::<6, 1>(0, to).copy_from(&w1.column(from));
-        stacked.fixed_view_mut::<6, 1>(6, to).copy_from(&w2.column(from));
+        stacked
+            .fixed_view_mut::<6, 1>(0, to)
+            .copy_from(&w1.column(from));
+        stacked
+            .fixed_view_mut::<6, 1>(6, to)
+            .copy_from(&w2.column(from));
     }
     let r = stacked.qr().r();
     let mut w = Matrix6::zeros();
@@ -254,11 +258,17 @@ impl KernelTable {
 fn channel_weights(r11: &Matrix3<f64>, r12: &Matrix3<f64>, r22: &Matrix3<f64>) -> Vector3<f64> {
     let mut stacked = SMatrix::<f64, 6, 5>::zeros();
     for (to, axis) in [NORTH, EAST].into_iter().enumerate() {
-        stacked.fixed_view_mut::<3, 1>(0, to).copy_from(&r11.column(axis));
+        stacked
+            .fixed_view_mut::<3, 1>(0, to)
+            .copy_from(&r11.column(axis));
     }
     for (to, axis) in [NORTH, EAST, UP].into_iter().enumerate() {
-        stacked.fixed_view_mut::<3, 1>(0, 2 + to).copy_from(&r12.column(axis));
-        stacked.fixed_view_mut::<3, 1>(3, 2 + to).copy_from(&r22.column(axis));
+        stacked
+            .fixed_view_mut::<3, 1>(0, 2 + to)
+            .copy_from(&r12.column(axis));
+        stacked
+            .fixed_view_mut::<3, 1>(3, 2 + to)
+            .copy_from(&r22.column(axis));
     }
     let r = stacked.qr().r();
     let (x, xz, z, y) = (r[(2, 2)].abs(), r[(2, 3)], r[(3, 3)].abs(), r[(4, 4)].abs());
@@ -268,7 +278,11 @@ fn channel_weights(r11: &Matrix3<f64>, r12: &Matrix3<f64>, r22: &Matrix3<f64>) -
     let (x, z, y) = (seen(x, 2), seen(z, 3), seen(y, 4));
     let mut weights = Vector3::zeros();
     // σ_x² = (1 + (xz/z)²)/x² for the 2×2 factor [x xz; 0 z].
-    weights[NORTH] = if z > 0.0 { x / (xz / z).hypot(1.0) } else { 0.0 };
+    weights[NORTH] = if z > 0.0 {
+        x / (xz / z).hypot(1.0)
+    } else {
+        0.0
+    };
     weights[EAST] = z;
     weights[UP] = y;
     weights
@@ -290,8 +304,10 @@ mod tests {
     /// The element by composing one period at a time with the textbook formulas on (Φ̃, C̃, J).
     fn textbook(dynamics: &ErrorDynamics, periods: usize) -> (Matrix6, Matrix6, Matrix6) {
         let mut phi1 = Matrix6::identity();
-        phi1.fixed_view_mut::<3, 3>(0, 0).copy_from(&dynamics.transition(10.0));
-        phi1.fixed_view_mut::<3, 3>(0, 3).copy_from(&dynamics.integral(10.0));
+        phi1.fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&dynamics.transition(10.0));
+        phi1.fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&dynamics.integral(10.0));
         let mut process = Matrix6::zeros();
         for i in 0..3 {
             process[(i, i)] = Q * 10.0;
@@ -359,7 +375,10 @@ mod tests {
         // A slope needs two measurements, a second derivative three.
         assert_eq!(table.kernel(1).channel_weights, Vector3::zeros());
         let two = table.kernel(2).channel_weights;
-        assert!(two[NORTH] > 0.0 && two[EAST] > 0.0 && two[UP] == 0.0, "{two}");
+        assert!(
+            two[NORTH] > 0.0 && two[EAST] > 0.0 && two[UP] == 0.0,
+            "{two}"
+        );
         let long = table.kernel(100).channel_weights;
         assert!(long[NORTH] > 20.0 * long[UP] && long[UP] > 0.0, "{long}");
         // The line fitted through n points of noise r: σ² = 12 r²/(n³ T²) for large n.

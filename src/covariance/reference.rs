@@ -22,9 +22,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{EndCovariance, split_periods};
 use crate::attitude::{EAST, NORTH, Position};
-use crate::drift::{
-    COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftMatrix, drift_c,
-};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftMatrix, drift_c};
 use crate::error::{Error, Result};
 use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
@@ -173,7 +171,12 @@ impl<'a> SquareRootFilter<'a> {
     }
 
     /// Φ and B of an interval, by Taylor series at a position and Runge–Kutta in a move.
-    fn transition(&mut self, drift: Drift<'_>, start_s: f64, length_s: f64) -> (Matrix3<f64>, DriftMatrix) {
+    fn transition(
+        &mut self,
+        drift: Drift<'_>,
+        start_s: f64,
+        length_s: f64,
+    ) -> (Matrix3<f64>, DriftMatrix) {
         let earth = self.platform.earth_rate_n;
         match drift {
             Drift::Constant(position) => {
@@ -255,7 +258,9 @@ impl<'a> SquareRootFilter<'a> {
 
     /// Covariance of states i and j.
     fn covariance(&self, i: usize, j: usize) -> f64 {
-        (0..STATES).map(|k| self.root_t[(k, i)] * self.root_t[(k, j)]).sum()
+        (0..STATES)
+            .map(|k| self.root_t[(k, i)] * self.root_t[(k, j)])
+            .sum()
     }
 
     fn report(&self, observe: &mut dyn FnMut(&Moment)) {
@@ -274,7 +279,8 @@ impl<'a> SquareRootFilter<'a> {
             misalignment: Matrix3::from_fn(|i, j| self.covariance(i, j)),
         };
         let finite = |mut values: std::slice::Iter<'_, f64>| values.all(|v| v.is_finite());
-        if finite(end.coefficients.as_slice().iter()) && finite(end.misalignment.as_slice().iter()) {
+        if finite(end.coefficients.as_slice().iter()) && finite(end.misalignment.as_slice().iter())
+        {
             Ok(end)
         } else {
             Err(Error::numerical(
@@ -340,7 +346,9 @@ fn runge_kutta_transition(
     let h = length_s / steps;
     let f = system_matrix(earth_rate);
     let a_at = |t: f64| {
-        drift_columns(Position::from_array(m.angles_at((start_s + t) / m.duration_s)))
+        drift_columns(Position::from_array(
+            m.angles_at((start_s + t) / m.duration_s),
+        ))
     };
     let (mut phi, mut b) = (Matrix3::identity(), DriftMatrix::zeros());
     let mut a0 = a_at(0.0);

@@ -52,7 +52,9 @@ mod tests {
 
     fn sample(seed: f64) -> Matrix3<f64> {
         // Quadratic in the indices, so that the matrix has full rank.
-        Matrix3::from_fn(|i, j| ((1.7 * (i * i) as f64 + 2.9 * (i * j + j) as f64 + seed) * 3.1).sin())
+        Matrix3::from_fn(|i, j| {
+            ((1.7 * (i * i) as f64 + 2.9 * (i * j + j) as f64 + seed) * 3.1).sin()
+        })
     }
 
     #[test]

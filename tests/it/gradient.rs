@@ -310,14 +310,15 @@ struct Problem {
 
 impl Problem {
     fn timeline(&self, x: &[f64]) -> Timeline {
-        let positions = x.chunks(PER_LEG).zip(&self.measured).map(|(c, measured)| {
-            ScheduledPosition {
-                position: Position::from_rad(c[0], c[1], c[2]),
-                dwell_s: c[3],
-                move_s: Some(c[4]).filter(|_| !self.frame_hold()),
-                move_measured: Some(*measured),
-            }
-        });
+        let positions =
+            x.chunks(PER_LEG)
+                .zip(&self.measured)
+                .map(|(c, measured)| ScheduledPosition {
+                    position: Position::from_rad(c[0], c[1], c[2]),
+                    dwell_s: c[3],
+                    move_s: Some(c[4]).filter(|_| !self.frame_hold()),
+                    move_measured: Some(*measured),
+                });
         Timeline::new(&self.platform, &Schedule::new(positions.collect()).unwrap()).unwrap()
     }
 
@@ -379,14 +380,22 @@ fn problems() -> Vec<Problem> {
                 // Some whole numbers of periods, where the derivative is one-sided.
                 let dwell = random.between(150.0, 900.0);
                 x.push(if case % 3 == 0 { dwell } else { dwell.round() });
-                x.push(if k == 0 { 0.0 } else { random.between(60.0, 300.0) });
+                x.push(if k == 0 {
+                    0.0
+                } else {
+                    random.between(60.0, 300.0)
+                });
                 measured.push(case % 4 == 1 || (case % 4 == 2 && k % 2 == 1));
             }
             Problem {
                 platform: config.check().unwrap(),
                 measured,
                 x,
-                rule: if case % 2 == 0 { TickRule::Relaxed } else { TickRule::Filter },
+                rule: if case % 2 == 0 {
+                    TickRule::Relaxed
+                } else {
+                    TickRule::Filter
+                },
             }
         })
         .collect()
@@ -412,7 +421,11 @@ fn reverse_mode_equals_dual_numbers_to_1e_7() {
         let (value, gradient) = problem.gradient(&model);
         assert!((value - problem.value(&model, &problem.x)).abs() < 1e-12);
         let duals: Vec<T> = (0..gradient.len()).map(|i| problem.dual(i)).collect();
-        assert!((duals[0].re - value).abs() < 1e-8, "{case}: {} {value}", duals[0].re);
+        assert!(
+            (duals[0].re - value).abs() < 1e-8,
+            "{case}: {} {value}",
+            duals[0].re
+        );
         let expected: Vec<f64> = duals.iter().map(|d| d.eps).collect();
         let worst = worst_difference(problem, &gradient, &expected);
         println!("case {case}: against dual numbers {worst:.1e}");
@@ -426,7 +439,11 @@ fn reverse_mode_equals_finite_differences_to_1e_7() {
         let model = CovarianceModel::new(&problem.platform);
         let (_, gradient) = problem.gradient(&model);
         let mut expected = gradient.clone();
-        for (i, slot) in expected.iter_mut().enumerate().filter(|(i, _)| problem.has(*i)) {
+        for (i, slot) in expected
+            .iter_mut()
+            .enumerate()
+            .filter(|(i, _)| problem.has(*i))
+        {
             let is_time = i % PER_LEG >= 3;
             let period = problem.platform.period_s();
             let off_tick = (problem.x[i] / period).fract() * period;

@@ -93,7 +93,10 @@ impl Random {
 fn parse_schedule(v: &Value) -> Schedule {
     let positions = v["positions"].as_array().unwrap().iter().map(|p| {
         let n = |k: &str| p[k].as_f64().unwrap();
-        let mut s = ScheduledPosition::new(Position::from_deg(n("alpha_deg"), n("beta_deg"), n("gamma_deg")), n("dwell_s"));
+        let mut s = ScheduledPosition::new(
+            Position::from_deg(n("alpha_deg"), n("beta_deg"), n("gamma_deg")),
+            n("dwell_s"),
+        );
         s.move_s = p["move_s"].as_f64();
         s.move_measured = p["move_measured"].as_bool();
         s

@@ -1,0 +1,194 @@
+//! What reading any input file has in common: size and encoding checks, line numbers, and
+//! suggestions for misspelt names.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Largest input file, bytes. A schedule of the most positions allowed takes a few megabytes.
+pub(crate) const MAX_FILE_BYTES: u64 = 64 << 20;
+
+/// The text of a file, without a byte order mark.
+///
+/// # Errors
+///
+/// [`Error::is_io`] when the file cannot be opened or read; [`Error::is_input`] for a directory,
+/// a file larger than [`MAX_FILE_BYTES`] (of which no more than that is read), and text that is
+/// not UTF-8.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    let cannot_read = |e: &std::io::Error| Error::io("read the file", path, e);
+    let file = File::open(path).map_err(|e| cannot_read(&e))?;
+    let metadata = file.metadata().map_err(|e| cannot_read(&e))?;
+    if metadata.is_dir() {
+        return Err(Error::input("a directory, not a file").with_file(path));
+    }
+    let too_large = || {
+        Error::input("the file is too large")
+            .with_file(path)
+            .with_allowed(format!("at most {} MiB", MAX_FILE_BYTES >> 20))
+    };
+    if metadata.len() > MAX_FILE_BYTES {
+        return Err(too_large());
+    }
+    // Pipes and devices have no length to ask for, so the reading is limited as well.
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|e| cannot_read(&e))?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(too_large());
+    }
+    decode(bytes).map_err(|e| e.with_file(path))
+}
+
+fn decode(bytes: Vec<u8>) -> Result<String> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err(Error::input("the file is in UTF-16").with_hint("save it as UTF-8"));
+    }
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(match text.strip_prefix(BOM) {
+            Some(rest) => rest.to_owned(),
+            None => text,
+        }),
+        Err(e) => {
+            let good = e.utf8_error().valid_up_to();
+            let line = 1 + e.as_bytes()[..good].iter().filter(|b| **b == b'\n').count();
+            Err(Error::input("not UTF-8 text")
+                .with_line(line)
+                .with_hint("save it as UTF-8"))
+        }
+    }
+}
+
+const BOM: char = '\u{feff}';
+
+/// `text` without a byte order mark.
+pub(crate) fn without_bom(text: &str) -> &str {
+    text.strip_prefix(BOM).unwrap_or(text)
+}
+
+/// The line (from 1) that holds the byte `offset` of `text`.
+pub(crate) fn line_at(text: &str, offset: usize) -> usize {
+    let before = &text.as_bytes()[..offset.min(text.len())];
+    1 + before.iter().filter(|b| **b == b'\n').count()
+}
+
+/// The line (from 1) of `text` at which `part`, a slice of it, starts.
+pub(crate) fn line_of(text: &str, part: &str) -> usize {
+    // A part that is no slice of the text would wrap to an offset past its end: the last line.
+    let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
+    line_at(text, offset)
+}
+
+/// The candidate that `name` most likely stands for, if any comes near.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    // Jaro-Winkler rewards a common beginning, so that a name with its unit left out or wrong
+    // (`latitude`, `dwell_min`) is still recognised; below this the suggestions turn silly.
+    const NEAR: f64 = 0.82;
+    let plain = |s: &str| s.trim().to_lowercase().replace(['-', ' '], "_");
+    let name = plain(name);
+    let mut best: Option<(f64, &str)> = None;
+    for candidate in candidates {
+        let likeness = strsim::jaro_winkler(&name, &plain(candidate));
+        if likeness >= NEAR && best.is_none_or(|(b, _)| likeness > b) {
+            best = Some((likeness, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
+
+/// `error` with the suggestion "did you mean …?" when a candidate comes near `name`.
+pub(crate) fn with_nearest<'a>(
+    error: Error,
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Error {
+    match nearest(name, candidates) {
+        Some(near) => error.with_hint(format!("did you mean `{near}`?")),
+        None => error,
+    }
+}
+
+/// A value from a file, short enough to be shown in a message.
+pub(crate) fn shown(value: &str) -> String {
+    const LONGEST: usize = 40;
+    let one_line = value.split_whitespace().collect::<Vec<_>>().join(" ");
+    if one_line.chars().count() <= LONGEST {
+        return one_line;
+    }
+    let start: String = one_line.chars().take(LONGEST).collect();
+    format!("{start}…")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_misses_are_recognised_and_far_ones_are_not() {
+        let names = ["latitude_deg", "noise_g", "period_s", "min_dwell_s"];
+        for (typed, meant) in [
+            ("latitude", Some("latitude_deg")),
+            ("lattitude_deg", Some("latitude_deg")),
+            ("Latitude-deg", Some("latitude_deg")),
+            ("noise_mg", Some("noise_g")),
+            ("period_ms", Some("period_s")),
+            ("min_dwel_s", Some("min_dwell_s")),
+            ("colour", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(typed, names), meant, "{typed}");
+        }
+    }
+
+    #[test]
+    fn lines_are_counted_from_one() {
+        let text = "a\nb\r\nc";
+        for (offset, line) in [(0, 1), (2, 2), (5, 3), (99, 3)] {
+            assert_eq!(line_at(text, offset), line);
+        }
+        assert_eq!(line_of(text, &text[2..3]), 2);
+        assert_eq!(line_of(text, &text[5..]), 3);
+    }
+
+    #[test]
+    fn files_that_are_no_text_are_refused_with_their_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let error = read_text(dir.path()).unwrap_err();
+        assert!(error.is_input() || error.is_io());
+        assert_eq!(error.file(), Some(dir.path()));
+
+        let missing = dir.path().join("missing.toml");
+        let error = read_text(&missing).unwrap_err();
+        assert!(error.is_io());
+        assert_eq!(error.file(), Some(missing.as_path()));
+
+        let path = dir.path().join("file");
+        std::fs::write(&path, b"one\ntwo \xff\xff").unwrap();
+        let error = read_text(&path).unwrap_err();
+        assert!(error.is_input());
+        assert_eq!(error.line(), Some(2));
+
+        std::fs::write(&path, b"\xff\xfea\0b\0").unwrap();
+        assert!(read_text(&path).unwrap_err().to_string().contains("UTF-16"));
+
+        std::fs::write(&path, "\u{feff}text").unwrap();
+        assert_eq!(read_text(&path).unwrap(), "text");
+    }
+
+    #[test]
+    fn a_huge_file_is_refused_without_reading_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("huge");
+        let file = File::create(&path).unwrap();
+        file.set_len(MAX_FILE_BYTES + 1).unwrap();
+        let error = read_text(&path).unwrap_err();
+        assert!(error.is_input());
+        assert_eq!(error.allowed(), Some("at most 64 MiB"));
+    }
+}
