@@ -15,6 +15,7 @@
 
 pub mod chain;
 pub mod gradient;
+pub mod history;
 pub mod kernel;
 pub mod reference;
 mod small;

@@ -5,6 +5,7 @@ pub mod criterion;
 pub mod drift;
 pub mod dynamics;
 pub mod error;
+pub mod evaluate;
 pub mod motion;
 pub mod observability;
 pub mod platform;

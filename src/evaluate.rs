@@ -1,0 +1,321 @@
+//! The evaluator: separability and covariance convergence of a schedule, and its score.
+//!
+//! # The score
+//!
+//! One figure of merit, lower is better:
+//!
+//! ```text
+//! score = w_cov · ln(criterion) − w_sep · mean_i ln(separability_i)
+//! ```
+//!
+//! The first part is the covariance the filter converges to, by a [`Criterion`] on P_D; the
+//! second what the ε^n expansions say of telling the coefficients apart, all channels weighted
+//! by their noise. By default w_cov = 1, w_sep = 0: a schedule with a smaller criterion already
+//! separates what it must, and the separability is reported beside it. A `minimum_separability`
+//! is a requirement on every coefficient; a schedule that misses it is said to.
+//!
+//! # Two computations of every number
+//!
+//! [`Evaluator::evaluate`] computes the covariance twice, through the dwell kernels and by the
+//! step-by-step square-root filter, which share no numerics. A difference above 1e-6 in any σ is
+//! an error, never printed away.
+
+use crate::covariance::gradient::LegGradient;
+use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
+use crate::covariance::reference::step_by_step;
+use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
+use crate::criterion::{Criterion, Smoothing};
+use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use crate::error::{Error, Result};
+use crate::motion::Timeline;
+use crate::observability::Observability;
+use crate::observability::separability::LogSeparability;
+use crate::platform::Platform;
+use crate::schedule::Schedule;
+
+/// Largest relative difference of a σ between the two computations.
+pub const AGREEMENT: f64 = 1e-6;
+
+/// What makes one schedule better than another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Objective {
+    /// Criterion on the coefficient covariance.
+    pub criterion: Criterion,
+    /// Weight of ln(criterion) in the score.
+    pub covariance_weight: f64,
+    /// Weight of −mean ln(separability) in the score.
+    pub separability_weight: f64,
+    /// Smallest acceptable separability of any coefficient, 0 to 1; 0 asks for nothing.
+    pub minimum_separability: f64,
+    /// 1σ specification of each coefficient, °/h; infinite where there is none.
+    pub spec_deg_per_h: Option<CoefficientVector>,
+}
+
+impl Default for Objective {
+    fn default() -> Self {
+        Self {
+            criterion: Criterion::rms(),
+            covariance_weight: 1.0,
+            separability_weight: 0.0,
+            minimum_separability: 0.0,
+            spec_deg_per_h: None,
+        }
+    }
+}
+
+impl Objective {
+    fn uses_separability(&self) -> bool {
+        self.separability_weight > 0.0 || self.minimum_separability > 0.0
+    }
+}
+
+/// The score and its parts, see the module text.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// The figure of merit; lower is better.
+    pub value: f64,
+    /// Value of the criterion, °/h (max-ratio: 1).
+    pub criterion: f64,
+    /// w_cov · ln(criterion).
+    pub covariance_part: f64,
+    /// −w_sep · mean ln(separability); infinite when a coefficient cannot be separated at all.
+    pub separability_part: f64,
+    /// Smallest separability of a coefficient.
+    pub least_separability: f64,
+    /// Whether every coefficient reaches the minimum separability asked for.
+    pub meets_minimum_separability: bool,
+}
+
+/// All that is known of a schedule before the test.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evaluation {
+    /// Duration of the test, moves and settles included, s.
+    pub total_time_s: f64,
+    /// Of which moves and settles, s.
+    pub overhead_s: f64,
+    /// Covariance at the end.
+    pub end: EndCovariance,
+    /// Prior 1σ of the coefficients, °/h.
+    pub prior_sigma_deg_per_h: CoefficientVector,
+    /// The score.
+    pub score: Score,
+    /// Orders, separability, unobservable combinations.
+    pub observability: Observability,
+    /// σ against time.
+    pub convergence: ConvergenceHistory,
+    /// Largest relative difference of a σ between kernels and square-root filter.
+    pub agreement: f64,
+}
+
+impl Evaluation {
+    /// √(mean of the coefficient variances), °/h.
+    pub fn rms_sigma_deg_per_h(&self) -> f64 {
+        (self.end.coefficients.trace() / COEFFICIENTS as f64).sqrt()
+    }
+
+    /// Largest σ of a coefficient, °/h.
+    pub fn max_sigma_deg_per_h(&self) -> f64 {
+        self.end.sigma_deg_per_h().max()
+    }
+
+    /// σ of the worst combination: √λ_max(P_D), °/h.
+    pub fn max_eig_sigma_deg_per_h(&self) -> f64 {
+        self.end.coefficients.symmetric_eigenvalues().max().sqrt()
+    }
+
+    /// ln det P_D, P_D in (°/h)²; none when a coefficient is known exactly.
+    pub fn logdet_deg_per_h(&self) -> Option<f64> {
+        let cholesky = nalgebra::Cholesky::new(self.end.coefficients)?;
+        Some(
+            cholesky
+                .l_dirty()
+                .diagonal()
+                .iter()
+                .map(|d| 2.0 * d.ln())
+                .sum(),
+        )
+    }
+}
+
+/// Scores schedules on one platform. Cheap to share between threads.
+///
+/// ```
+/// use scheme_opt::evaluate::{Evaluator, Objective};
+/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::attitude::Position;
+/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+///
+/// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
+/// let schedule = Schedule::new(vec![
+///     ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 1000.0),
+///     ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),
+/// ])?;
+/// let evaluation = evaluator.evaluate(&schedule)?;
+/// // Theory: with psi^n continuous, D_FZ comes out clean and D_SZ absorbs omega_N psi_y(0).
+/// let sigma = evaluation.end.sigma_deg_per_h();
+/// assert!((sigma[2] - 0.00260).abs() < 1e-5 && (sigma[11] - 0.02377).abs() < 1e-5);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Evaluator {
+    platform: Platform,
+    objective: Objective,
+    model: CovarianceModel,
+}
+
+impl Evaluator {
+    /// An evaluator of schedules on `platform` by `objective`.
+    pub fn new(platform: Platform, objective: Objective) -> Self {
+        let model = CovarianceModel::new(&platform);
+        Self {
+            platform,
+            objective,
+            model,
+        }
+    }
+
+    /// The platform.
+    pub fn platform(&self) -> &Platform {
+        &self.platform
+    }
+
+    /// The objective.
+    pub fn objective(&self) -> &Objective {
+        &self.objective
+    }
+
+    /// The covariance model.
+    pub fn model(&self) -> &CovarianceModel {
+        &self.model
+    }
+
+    /// Everything about `schedule`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] when the platform cannot execute the schedule,
+    /// [`Error::is_numerical`] when a number cannot be trusted, [`Error::is_disagreement`] when
+    /// the two computations of a σ differ by more than [`AGREEMENT`].
+    pub fn evaluate(&self, schedule: &Schedule) -> Result<Evaluation> {
+        let timeline = Timeline::new(&self.platform, schedule)?;
+        let end = self.model.end_covariance(&timeline, TickRule::Filter)?;
+        let total_time_s = timeline.total_time_s();
+        let mut recorder = HistoryRecorder::new(total_time_s, self.objective.spec_deg_per_h);
+        let checked = step_by_step(&self.platform, &timeline, &mut |m| recorder.observe(m))?;
+        let agreement = compare(&end, &checked)?;
+        let observability = Observability::analyze(&self.model, &timeline)?;
+        Ok(Evaluation {
+            total_time_s,
+            overhead_s: timeline.overhead_s(),
+            score: self.score(&end, &observability)?,
+            end,
+            prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
+            observability,
+            convergence: recorder.finish(),
+            agreement,
+        })
+    }
+
+    fn score(&self, end: &EndCovariance, observability: &Observability) -> Result<Score> {
+        let o = &self.objective;
+        let criterion = o.criterion.value(&end.coefficients)?;
+        let covariance_part = o.covariance_weight * criterion.ln();
+        let mean_log = observability.separability.map(f64::ln).mean();
+        // Not 0 · ∞: without a weight, separability has no part in the score.
+        let separability_part = match o.separability_weight > 0.0 {
+            true => -o.separability_weight * mean_log,
+            false => 0.0,
+        };
+        let least_separability = observability.separability.min();
+        Ok(Score {
+            value: covariance_part + separability_part,
+            criterion,
+            covariance_part,
+            separability_part,
+            least_separability,
+            meets_minimum_separability: least_separability >= o.minimum_separability,
+        })
+    }
+
+    /// The figure of merit of a search: the score, plus a penalty below the minimum
+    /// separability, by the fast kernels. Infinite where nothing can be said.
+    pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
+        let end = self.model.end_covariance(timeline, TickRule::Relaxed)?;
+        let (log, _) = self
+            .objective
+            .criterion
+            .log_with_gradient(&end.coefficients, smoothing)?;
+        let mut value = self.objective.covariance_weight * log;
+        if self.objective.uses_separability() {
+            value += match LogSeparability::new(&self.model, timeline) {
+                Some(s) => self.separability_merit(&s).0,
+                None => f64::INFINITY,
+            };
+        }
+        Ok(value)
+    }
+
+    /// [`Evaluator::merit`] with its gradient.
+    pub(crate) fn merit_gradient(
+        &self,
+        timeline: &Timeline,
+        smoothing: Smoothing,
+    ) -> Result<(f64, Vec<LegGradient>)> {
+        let o = &self.objective;
+        let (mut value, mut gradient) = self.model.gradient(timeline, TickRule::Relaxed, |p| {
+            let (log, slope) = o.criterion.log_with_gradient(p, smoothing)?;
+            Ok((o.covariance_weight * log, slope * o.covariance_weight))
+        })?;
+        if o.uses_separability() {
+            match LogSeparability::new(&self.model, timeline) {
+                Some(s) => {
+                    let (part, slopes) = self.separability_merit(&s);
+                    value += part;
+                    s.add_gradient(timeline, &slopes, &mut gradient);
+                }
+                None => value = f64::INFINITY,
+            }
+        }
+        Ok((value, gradient))
+    }
+
+    /// The separability's part of the merit and its derivative with respect to each ln s_i.
+    fn separability_merit(&self, s: &LogSeparability) -> (f64, CoefficientVector) {
+        /// Weight of (ln minimum − ln s)²: one per cent short costs as much as a two per cent
+        /// worse criterion.
+        const SHORTFALL_WEIGHT: f64 = 200.0;
+        let o = &self.objective;
+        let share = o.separability_weight / COEFFICIENTS as f64;
+        let mut value = -share * s.log.sum();
+        let mut slopes = CoefficientVector::repeat(-share);
+        if o.minimum_separability > 0.0 {
+            let wanted = o.minimum_separability.ln();
+            for (slope, log) in slopes.iter_mut().zip(s.log.iter()) {
+                let short = (wanted - log).max(0.0);
+                value += SHORTFALL_WEIGHT * short * short;
+                *slope -= 2.0 * SHORTFALL_WEIGHT * short;
+            }
+        }
+        (value, slopes)
+    }
+}
+
+/// The largest relative difference of a σ between two computations of the same covariance.
+fn compare(kernels: &EndCovariance, filter: &EndCovariance) -> Result<f64> {
+    let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
+    let mut worst = 0.0_f64;
+    for c in DriftCoefficient::ALL {
+        let (a, b) = (a[c.index()], b[c.index()]);
+        // A coefficient known exactly has σ = 0 in both.
+        let difference = if a == b { 0.0 } else { (a - b).abs() / b };
+        if difference.is_nan() || difference > AGREEMENT {
+            return Err(Error::disagreement(format!(
+                "the dwell kernels and the step-by-step filter give different sigmas ({a:e} and \
+                 {b:e} deg/h); neither is printed as a result"
+            ))
+            .with_key(c.name()));
+        }
+        worst = worst.max(difference);
+    }
+    Ok(worst)
+}
