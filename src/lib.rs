@@ -10,6 +10,7 @@ pub mod motion;
 pub mod observability;
 pub mod platform;
 pub mod schedule;
+pub mod search;
 pub mod units;
 
 pub use error::{Error, Result};

@@ -7,6 +7,7 @@
 
 pub mod file;
 pub mod standard;
+pub(crate) mod text;
 
 use crate::attitude::Position;
 use crate::error::{Error, Result};

@@ -1,1 +1,407 @@
+//! Schedules as files: JSON and CSV, read and written.
+//!
+//! JSON, schema [`SCHEMA`]:
+//!
+//! ```json
+//! {
+//!   "schema": "scheme-opt/schedule/1",
+//!   "positions": [
+//!     {"alpha_deg": 0.0, "beta_deg": 0.0, "gamma_deg": 0.0, "dwell_s": 600.0},
+//!     {"alpha_deg": 90.0, "beta_deg": 0.0, "gamma_deg": 0.0, "dwell_s": 600.0, "move_s": 180.0, "move_measured": true}
+//!   ]
+//! }
+//! ```
+//!
+//! CSV: the same columns with a header line, in any order; `move_s` and `move_measured` may be
+//! left out, as columns or as single empty cells. Lines that start with `#` and empty lines are
+//! skipped.
+//!
+//! Angles are written rounded to 1e-9°, so that reading a written schedule and writing it again
+//! gives the same file, and reading that gives the same schedule bit for bit. Times are written
+//! exactly.
 
+mod csv;
+mod json;
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Schedule, ScheduledPosition, text};
+use crate::attitude::Position;
+use crate::error::{Error, Result};
+
+/// Name and major version of the JSON schedule document.
+pub const SCHEMA: &str = "scheme-opt/schedule/1";
+
+/// The columns of a schedule file, in the order they are written.
+const COLUMNS: [&str; 6] = [
+    "alpha_deg",
+    "beta_deg",
+    "gamma_deg",
+    "dwell_s",
+    "move_s",
+    "move_measured",
+];
+/// How many of [`COLUMNS`] every position needs.
+const REQUIRED_COLUMNS: usize = 4;
+
+/// A schedule as a JSON document, for use inside other documents.
+///
+/// [`from_json`] reads the same with errors that show line and key; this type is for what a
+/// program wrote.
+///
+/// ```
+/// use scheme_opt::attitude::Position;
+/// use scheme_opt::schedule::file::ScheduleDocument;
+/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+/// let position = Position::from_deg(90.0, 0.0, -45.0);
+/// let schedule = Schedule::new(vec![ScheduledPosition::new(position, 600.0)])?;
+/// let document = ScheduleDocument::from(&schedule);
+/// assert_eq!(document.positions[0].gamma_deg, -45.0);
+/// assert_eq!(Schedule::try_from(&document)?, schedule);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScheduleDocument {
+    /// Name and major version of the document, [`SCHEMA`].
+    #[serde(default = "schema")]
+    pub schema: String,
+    /// Version of the program that wrote it; not looked at when reading.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool_version: Option<String>,
+    /// The positions in order.
+    pub positions: Vec<PositionRecord>,
+}
+
+fn schema() -> String {
+    SCHEMA.to_owned()
+}
+
+/// One position of a schedule file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PositionRecord {
+    /// Outer angle α, degrees, −36000 to 36000.
+    pub alpha_deg: f64,
+    /// Middle angle β, degrees, −36000 to 36000.
+    pub beta_deg: f64,
+    /// Inner angle γ, degrees, −36000 to 36000.
+    pub gamma_deg: f64,
+    /// How long the position is held, s, 0 to 1e7.
+    pub dwell_s: f64,
+    /// Duration of the move to it, s, 0 to 1e7; none: as the platform moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub move_s: Option<f64>,
+    /// Whether the filter measures during that move; none: as the platform has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub move_measured: Option<bool>,
+}
+
+impl From<&ScheduledPosition> for PositionRecord {
+    fn from(p: &ScheduledPosition) -> Self {
+        // Adding zero turns a negative zero, which would look odd in a file, into a plain one.
+        let [alpha_deg, beta_deg, gamma_deg] = p.position.to_deg().map(|deg| deg + 0.0);
+        Self {
+            alpha_deg,
+            beta_deg,
+            gamma_deg,
+            dwell_s: p.dwell_s,
+            move_s: p.move_s,
+            move_measured: p.move_measured,
+        }
+    }
+}
+
+impl From<&PositionRecord> for ScheduledPosition {
+    fn from(r: &PositionRecord) -> Self {
+        Self {
+            position: Position::from_deg(r.alpha_deg, r.beta_deg, r.gamma_deg),
+            dwell_s: r.dwell_s,
+            move_s: r.move_s,
+            move_measured: r.move_measured,
+        }
+    }
+}
+
+impl From<&Schedule> for ScheduleDocument {
+    fn from(schedule: &Schedule) -> Self {
+        Self {
+            schema: schema(),
+            tool_version: None,
+            positions: schedule.positions().iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl TryFrom<&ScheduleDocument> for Schedule {
+    type Error = Error;
+
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for another schema, and as [`Schedule::new`].
+    fn try_from(document: &ScheduleDocument) -> Result<Self> {
+        check_schema(&document.schema)?;
+        Self::new(document.positions.iter().map(Into::into).collect())
+    }
+}
+
+/// Refuses a document that is not a schedule of this version.
+fn check_schema(schema: &str) -> Result<()> {
+    if schema == SCHEMA {
+        return Ok(());
+    }
+    let error = Error::input("not a schedule document of a version known here")
+        .with_key("schema")
+        .with_value(text::shown(schema))
+        .with_allowed(format!("\"{SCHEMA}\""));
+    Err(match schema.strip_prefix("scheme-opt/") {
+        Some(rest) if rest.starts_with("schedule/") => {
+            error.with_hint("the file was written by another version of the program")
+        }
+        Some(rest) if rest.starts_with("result/") => {
+            error.with_hint("a search writes its schedule to schedule.json beside result.json")
+        }
+        _ => error,
+    })
+}
+
+/// Reads a schedule file: `.json` or `.csv` by its extension, otherwise JSON when the text
+/// starts with `{` and CSV when not.
+///
+/// # Errors
+///
+/// [`Error::is_io`] when the file cannot be read; [`Error::is_input`] naming file, line, key,
+/// value and what is allowed when its content is not acceptable.
+pub fn read(path: &Path) -> Result<Schedule> {
+    let text = text::read_text(path)?;
+    let extension = path.extension().and_then(|e| e.to_str());
+    let is_json = match extension.map(str::to_ascii_lowercase).as_deref() {
+        Some("json") => true,
+        Some("csv") => false,
+        _ => text.trim_start().starts_with('{'),
+    };
+    let schedule = if is_json {
+        from_json(&text)
+    } else {
+        from_csv(&text)
+    };
+    schedule.map_err(|e| e.with_file(path))
+}
+
+/// A schedule from the text of a JSON document.
+///
+/// # Errors
+///
+/// [`Error::is_input`] with line, key (`positions[3].dwell_s`), value and what is allowed, for
+/// text that is not JSON, unknown, missing and duplicate keys, wrong types, and as
+/// [`Schedule::new`].
+///
+/// ```
+/// use scheme_opt::schedule::file::from_json;
+/// let error = from_json(
+///     r#"{"positions": [
+///         {"alpha_deg": 0, "beta_deg": 0, "gamma_deg": 0, "dwell_s": -5}
+///     ]}"#,
+/// )
+/// .unwrap_err();
+/// assert_eq!(error.line(), Some(2));
+/// assert_eq!(error.key(), Some("positions[0].dwell_s"));
+/// ```
+pub fn from_json(text: &str) -> Result<Schedule> {
+    json::parse(text::without_bom(text))
+}
+
+/// A schedule from the text of a CSV file.
+///
+/// # Errors
+///
+/// [`Error::is_input`] with line, key (`positions[3].dwell_s`, or the column), value and what is
+/// allowed, for unknown, missing and duplicate columns, cells that are no numbers, and as
+/// [`Schedule::new`].
+///
+/// ```
+/// use scheme_opt::schedule::file::from_csv;
+/// let schedule = from_csv("dwell_s,alpha_deg,beta_deg,gamma_deg\n600,0,0,0\n600,90,0,0\n")?;
+/// assert_eq!(schedule.positions().len(), 2);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+pub fn from_csv(text: &str) -> Result<Schedule> {
+    csv::parse(text::without_bom(text))
+}
+
+/// The schedule as a JSON document, one position a line.
+pub fn to_json(schedule: &Schedule) -> String {
+    // Written by hand for one position a line; a schedule holds finite numbers only, and
+    // `{:?}` of a finite number is the shortest JSON number that reads back the same.
+    let mut out = format!(
+        "{{\n  \"schema\": \"{SCHEMA}\",\n  \"tool_version\": \"{}\",\n  \"positions\": [\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    for (i, p) in schedule.positions().iter().enumerate() {
+        let separator = if i == 0 { "" } else { ",\n" };
+        let cells = cells(&p.into());
+        let fields = COLUMNS
+            .iter()
+            .zip(cells)
+            .filter(|(_, cell)| !cell.is_empty());
+        let fields: Vec<_> = fields.map(|(c, cell)| format!("\"{c}\": {cell}")).collect();
+        let _ = write!(out, "{separator}    {{{}}}", fields.join(", "));
+    }
+    out.push_str("\n  ]\n}\n");
+    out
+}
+
+/// The schedule as CSV; the columns `move_s` and `move_measured` only where some position has
+/// them.
+pub fn to_csv(schedule: &Schedule) -> String {
+    let rows: Vec<_> = schedule
+        .positions()
+        .iter()
+        .map(|p| cells(&p.into()))
+        .collect();
+    let used: Vec<usize> = (0..COLUMNS.len())
+        .filter(|&i| rows.iter().any(|row| !row[i].is_empty()))
+        .collect();
+    let line = |row: &[String; COLUMNS.len()]| {
+        let cells: Vec<&str> = used.iter().map(|&i| row[i].as_str()).collect();
+        cells.join(",") + "\n"
+    };
+    let mut out = line(&COLUMNS.map(String::from));
+    out.extend(rows.iter().map(line));
+    out
+}
+
+/// The values of a position as text, in the order of [`COLUMNS`]; empty: not given.
+fn cells(record: &PositionRecord) -> [String; COLUMNS.len()] {
+    let number = |v: f64| format!("{v:?}");
+    [
+        number(record.alpha_deg),
+        number(record.beta_deg),
+        number(record.gamma_deg),
+        number(record.dwell_s),
+        record.move_s.map_or_else(String::new, number),
+        record
+            .move_measured
+            .map_or_else(String::new, |m| m.to_string()),
+    ]
+}
+
+/// The index and the field of a key such as `positions[3].dwell_s`.
+fn position_key(key: &str) -> Option<(usize, &str)> {
+    let (index, field) = key.strip_prefix("positions[")?.split_once("].")?;
+    Some((index.parse().ok()?, field))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn schedules() -> impl Strategy<Value = Schedule> {
+        let angle = || prop_oneof![-180.0..180.0_f64, -36000.0..36000.0_f64, Just(-0.0)];
+        let position = (
+            [angle(), angle(), angle()],
+            0.0..1e7_f64,
+            proptest::option::of(0.0..1e7_f64),
+            proptest::option::of(any::<bool>()),
+        );
+        let position = position.prop_map(|(a, dwell_s, move_s, move_measured)| ScheduledPosition {
+            position: Position::from_deg(a[0], a[1], a[2]),
+            dwell_s,
+            move_s,
+            move_measured,
+        });
+        proptest::collection::vec(position, 1..5).prop_map(|p| Schedule::new(p).unwrap())
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_reads_back_bit_for_bit(schedule in schedules()) {
+            let json = to_json(&schedule);
+            let csv = to_csv(&schedule);
+            let read = from_json(&json).unwrap();
+            prop_assert_eq!(&from_csv(&csv).unwrap(), &read);
+            prop_assert_eq!(to_json(&read), json);
+            prop_assert_eq!(to_csv(&read), csv);
+            // Angles move by the rounding of files, times not at all.
+            for (a, b) in schedule.positions().iter().zip(read.positions()) {
+                prop_assert_eq!((a.dwell_s, a.move_s), (b.dwell_s, b.move_s));
+                for (x, y) in a.position.to_array().into_iter().zip(b.position.to_array()) {
+                    prop_assert!((x - y).abs() < 1e-9 * crate::units::RAD_PER_DEG);
+                }
+            }
+        }
+
+        #[test]
+        fn the_document_agrees_with_the_file(schedule in schedules()) {
+            let written = to_json(&schedule);
+            let document: ScheduleDocument = serde_json::from_str(&written).unwrap();
+            let read = from_json(&written).unwrap();
+            prop_assert_eq!(&Schedule::try_from(&document).unwrap(), &read);
+            let serialised = serde_json::to_string(&ScheduleDocument::from(&schedule)).unwrap();
+            prop_assert_eq!(from_json(&serialised).unwrap(), read);
+        }
+
+        #[test]
+        fn no_text_makes_the_readers_panic(text in ".{0,80}") {
+            let _ = (from_json(&text), from_csv(&text));
+        }
+    }
+
+    #[test]
+    fn files_look_as_documented() {
+        let mut position = ScheduledPosition::new(Position::from_deg(90.0, -0.0, 1e-9), 600.0);
+        let one = Schedule::new(vec![position]).unwrap();
+        assert_eq!(
+            to_csv(&one),
+            "alpha_deg,beta_deg,gamma_deg,dwell_s\n90.0,0.0,1e-9,600.0\n"
+        );
+        position.move_measured = Some(true);
+        let two = Schedule::new(vec![one.positions()[0], position]).unwrap();
+        assert!(to_csv(&two).ends_with("90.0,0.0,1e-9,600.0,\n90.0,0.0,1e-9,600.0,true\n"));
+        assert!(to_json(&two).contains("\"dwell_s\": 600.0, \"move_measured\": true}\n  ]"));
+        assert!(to_json(&two).ends_with("}\n"));
+    }
+
+    #[test]
+    fn the_format_is_told_by_extension_or_content() {
+        let dir = tempfile::tempdir().unwrap();
+        let schedule =
+            Schedule::new(vec![ScheduledPosition::new(Position::default(), 1.0)]).unwrap();
+        for (name, content) in [
+            ("a.json", to_json(&schedule)),
+            ("a.csv", to_csv(&schedule)),
+            ("a.CSV", format!("\u{feff}{}", to_csv(&schedule))),
+            ("json", format!("\u{feff} \n{}", to_json(&schedule))),
+            ("csv.txt", format!("# a comment\n{}", to_csv(&schedule))),
+        ] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            assert_eq!(read(&path).unwrap(), schedule, "{name}");
+        }
+        let path = dir.path().join("bad.csv");
+        std::fs::write(&path, "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,0,0,x\n").unwrap();
+        let error = read(&path).unwrap_err();
+        assert_eq!(error.file(), Some(path.as_path()));
+        assert_eq!(error.line(), Some(2));
+        assert!(read(&dir.path().join("missing.csv")).unwrap_err().is_io());
+    }
+
+    #[test]
+    fn other_documents_are_refused_with_advice() {
+        for (schema, advice) in [
+            ("scheme-opt/schedule/2", "another version"),
+            ("scheme-opt/result/1", "schedule.json"),
+            ("something", "not a schedule document"),
+        ] {
+            let text = format!("{{\"schema\": \"{schema}\", \"status\": 1}}");
+            let error = from_json(&text).unwrap_err();
+            assert_eq!(error.key(), Some("schema"));
+            assert_eq!(error.allowed(), Some("\"scheme-opt/schedule/1\""));
+            assert!(error.to_string().contains(advice), "{error}");
+        }
+    }
+}

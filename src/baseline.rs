@@ -1,0 +1,135 @@
+//! The yardstick: what the standard schemes reach on the same platform in the same time.
+
+use crate::covariance::TickRule;
+use crate::drift::COEFFICIENTS;
+use crate::error::{Error, Result};
+use crate::evaluate::Evaluator;
+use crate::motion::Timeline;
+use crate::schedule::standard::StandardScheme;
+
+/// A standard scheme at a given total time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Baseline {
+    /// The scheme.
+    pub scheme: StandardScheme,
+    /// How many positions it has.
+    pub positions: usize,
+    /// What it reaches, or why it cannot be run on this platform in this time.
+    pub accuracy: Result<BaselineAccuracy>,
+}
+
+/// What a standard scheme reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaselineAccuracy {
+    /// √(mean of the coefficient variances), °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// Value of the evaluator's criterion, °/h (max-ratio: 1).
+    pub criterion: f64,
+}
+
+/// Every standard scheme on the evaluator's platform, moves and settles included in
+/// `total_time_s`, by the evaluator's criterion. Dwells are equal.
+///
+/// A scheme that the platform cannot take, or whose moves leave no time to dwell, is part of the
+/// answer with the reason.
+///
+/// ```
+/// use scheme_opt::baseline::baselines;
+/// use scheme_opt::evaluate::{Evaluator, Objective};
+/// use scheme_opt::platform::PlatformConfig;
+///
+/// let mut config = PlatformConfig::default();
+/// config.gimbals.beta_deg = Some([-60.0, 60.0]);
+/// let evaluator = Evaluator::new(config.check()?, Objective::default());
+/// let all = baselines(&evaluator, 12_000.0);
+/// assert!(all.iter().any(|b| b.accuracy.is_ok()));
+/// // The six-position test points the z axis up and down, for which beta must reach 90 degrees.
+/// assert!(all.iter().any(|b| b.accuracy.is_err()));
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+pub fn baselines(evaluator: &Evaluator, total_time_s: f64) -> Vec<Baseline> {
+    StandardScheme::ALL
+        .into_iter()
+        .map(|scheme| Baseline {
+            scheme,
+            positions: scheme.positions().len(),
+            accuracy: accuracy(evaluator, scheme, total_time_s),
+        })
+        .collect()
+}
+
+fn accuracy(
+    evaluator: &Evaluator,
+    scheme: StandardScheme,
+    total_time_s: f64,
+) -> Result<BaselineAccuracy> {
+    let schedule = scheme.schedule(total_time_s, evaluator.platform())?;
+    let timeline = Timeline::new(evaluator.platform(), &schedule)?;
+    let end = evaluator
+        .model()
+        .end_covariance(&timeline, TickRule::Filter)?;
+    let criterion = evaluator.objective().criterion.value(&end.coefficients)?;
+    let rms_sigma_deg_per_h = (end.coefficients.trace() / COEFFICIENTS as f64).sqrt();
+    if rms_sigma_deg_per_h.is_finite() && criterion.is_finite() {
+        Ok(BaselineAccuracy {
+            rms_sigma_deg_per_h,
+            criterion,
+        })
+    } else {
+        Err(Error::numerical("its covariance is not finite"))
+    }
+}
+
+/// The baseline with the smallest RMS σ, if any could be run.
+pub fn best(baselines: &[Baseline]) -> Option<(&Baseline, BaselineAccuracy)> {
+    baselines
+        .iter()
+        .filter_map(|b| b.accuracy.as_ref().ok().map(|a| (b, *a)))
+        .min_by(|(_, a), (_, b)| a.rms_sigma_deg_per_h.total_cmp(&b.rms_sigma_deg_per_h))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Objective;
+    use crate::platform::PlatformConfig;
+
+    fn evaluator(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
+        let mut config = PlatformConfig::default();
+        change(&mut config);
+        Evaluator::new(config.check().unwrap(), Objective::default())
+    }
+
+    #[test]
+    fn a_baseline_is_what_its_full_evaluation_says() {
+        let evaluator = evaluator(|c| c.motion.slew_rate_deg_per_s = Some(1.0));
+        let all = baselines(&evaluator, 12_000.0);
+        assert_eq!(all.len(), StandardScheme::ALL.len());
+        let (best, accuracy) = best(&all).unwrap();
+        let schedule = best
+            .scheme
+            .schedule(12_000.0, evaluator.platform())
+            .unwrap();
+        let evaluation = evaluator.evaluate(&schedule).unwrap();
+        assert!((evaluation.total_time_s - 12_000.0).abs() < 1e-6);
+        let rms = evaluation.rms_sigma_deg_per_h();
+        assert!((accuracy.rms_sigma_deg_per_h / rms - 1.0).abs() < 1e-12);
+        assert!((accuracy.criterion / evaluation.score.criterion - 1.0).abs() < 1e-12);
+        for other in all.iter().filter_map(|b| b.accuracy.as_ref().ok()) {
+            assert!(other.rms_sigma_deg_per_h >= accuracy.rms_sigma_deg_per_h);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_says_why() {
+        let slow = evaluator(|c| {
+            c.motion.slew_rate_deg_per_s = Some(0.01);
+            c.motion.settle_s = 100.0;
+        });
+        let all = baselines(&slow, 1000.0);
+        assert!(best(&all).is_none());
+        for baseline in all {
+            assert!(baseline.accuracy.unwrap_err().is_infeasible());
+        }
+    }
+}

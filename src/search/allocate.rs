@@ -1,0 +1,221 @@
+//! Dwell times as a sequence of convex quadratic programs, solved by clarabel.
+//!
+//! Around the dwells d the information is E(d + Δ) ≈ E + Σ_k Δ_k E'_k with E'_k = ∂E/∂d_k taken
+//! through the whole chain. Of the merit's dependence on E, the second derivative
+//! H_jk = 2 tr(G P E'_j P E'_k P), G = ∂merit/∂P ⪰ 0, is positive semidefinite (it is a Gram
+//! matrix), so
+//!
+//! ```text
+//! minimise gᵀΔ + ½ Δᵀ H Δ   subject to   Σ Δ_k = 0,  d_k + Δ_k ≥ 0,  |Δ_k| ≤ trust
+//! ```
+//!
+//! is convex and may send a dwell to exactly zero: that position does not pay and is dropped. A
+//! step is accepted by the true merit, the trust region follows the agreement.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
+};
+
+use super::Work;
+use super::refine::Refined;
+use super::variables::Plan;
+use crate::covariance::chain::{Gram, NoRecord};
+use crate::covariance::{TickRule, covariance_from_information};
+use crate::criterion::Smoothing;
+use crate::drift::CoefficientMatrix;
+use crate::evaluate::Evaluator;
+
+/// Steps of the sequence.
+const STEPS: usize = 8;
+/// First trust region, as a share of the mean dwell.
+const FIRST_TRUST: f64 = 0.5;
+
+/// Reallocates the dwells of `plan` and drops positions left with (almost) nothing; the result
+/// is never worse than the plan.
+pub(crate) fn allocate(
+    evaluator: &Evaluator,
+    plan: Refined,
+    total_time_s: f64,
+    smoothing: Smoothing,
+    work: &Work,
+) -> Refined {
+    let mut current = plan;
+    let mut trust = FIRST_TRUST * total_time_s / current.plan.angles.len() as f64;
+    for _ in 0..STEPS {
+        let Some(model) = LocalModel::around(evaluator, &current.plan, smoothing, work) else {
+            break;
+        };
+        let Some(step) = model.solve(&current.plan.dwell_s, trust) else {
+            break;
+        };
+        match apply(
+            evaluator,
+            &current.plan,
+            &step,
+            total_time_s,
+            smoothing,
+            work,
+        ) {
+            Some(next) if next.merit < current.merit => {
+                let gain = current.merit - next.merit;
+                let predicted = -model.change(&step);
+                current = next;
+                trust *= if gain > 0.75 * predicted { 2.0 } else { 1.0 };
+                if gain < 1e-8 {
+                    break;
+                }
+            }
+            _ => trust *= 0.25,
+        }
+        if trust < evaluator.platform().period_s() {
+            break;
+        }
+    }
+    current
+}
+
+/// Applies a step: positions left with less than half the minimum dwell (or half a period) are
+/// dropped, and the rest fills the total time.
+fn apply(
+    evaluator: &Evaluator,
+    plan: &Plan,
+    step: &[f64],
+    total_time_s: f64,
+    smoothing: Smoothing,
+    work: &Work,
+) -> Option<Refined> {
+    let platform = evaluator.platform();
+    let shortest = 0.5 * platform.motion().min_dwell_s.max(platform.period_s());
+    let mut next = Plan {
+        angles: Vec::new(),
+        dwell_s: Vec::new(),
+    };
+    for ((angles, dwell), change) in plan.angles.iter().zip(&plan.dwell_s).zip(step) {
+        if dwell + change >= shortest {
+            next.angles.push(*angles);
+            next.dwell_s.push(dwell + change);
+        }
+    }
+    let next = next.fitted(platform, total_time_s)?;
+    work.count_evaluations(1);
+    let merit = evaluator.merit(&next.timeline(platform), smoothing).ok()?;
+    Some(Refined { plan: next, merit })
+}
+
+/// Gradient and convex curvature of the merit in the dwells.
+struct LocalModel {
+    gradient: Vec<f64>,
+    /// Row-major K×K.
+    curvature: Vec<f64>,
+}
+
+impl LocalModel {
+    fn around(
+        evaluator: &Evaluator,
+        plan: &Plan,
+        smoothing: Smoothing,
+        work: &Work,
+    ) -> Option<Self> {
+        let model = evaluator.model();
+        let platform = evaluator.platform();
+        let information = |plan: &Plan| {
+            let mut gram = Gram(CoefficientMatrix::zeros());
+            model.run(
+                &plan.timeline(platform),
+                TickRule::Relaxed,
+                &mut gram,
+                &mut NoRecord,
+            );
+            gram.0
+        };
+        let count = plan.angles.len();
+        work.count_evaluations(count as u64 + 1);
+        let here = information(plan);
+        let p = covariance_from_information(&here, &model.prior_sigma).ok()?;
+        let objective = evaluator.objective();
+        let (_, slope) = objective.criterion.log_with_gradient(&p, smoothing).ok()?;
+        let slope = slope * objective.covariance_weight;
+        // One period ahead: long against rounding, short against the dwell.
+        let ahead = platform.period_s();
+        let mut pulled = Vec::with_capacity(count);
+        let mut gradient = Vec::with_capacity(count);
+        for k in 0..count {
+            let mut longer = plan.clone();
+            longer.dwell_s[k] += ahead;
+            let rate = (information(&longer) - here) / ahead;
+            let rate_p = rate * p;
+            let p_rate_p = p * rate_p;
+            gradient.push(-slope.dot(&p_rate_p));
+            pulled.push((rate_p, slope * p_rate_p));
+        }
+        let mut curvature = vec![0.0; count * count];
+        for j in 0..count {
+            for k in 0..count {
+                // tr(G P E'_j P E'_k P) = Σ (G P E'_j P)ᵀ ∘ (E'_k P).
+                curvature[j * count + k] = 2.0 * pulled[j].1.transpose().dot(&pulled[k].0);
+            }
+        }
+        Some(Self {
+            gradient,
+            curvature,
+        })
+    }
+
+    /// Predicted change of the merit by a step.
+    fn change(&self, step: &[f64]) -> f64 {
+        let count = step.len();
+        let mut change = 0.0;
+        for j in 0..count {
+            let bend: f64 = (0..count)
+                .map(|k| self.curvature[j * count + k] * step[k])
+                .sum();
+            change += step[j] * (self.gradient[j] + 0.5 * bend);
+        }
+        change
+    }
+
+    /// The step of the quadratic program, in s; none when clarabel does not solve it.
+    fn solve(&self, dwell_s: &[f64], trust: f64) -> Option<Vec<f64>> {
+        let count = dwell_s.len();
+        // In units of the trust region, so that the program is well scaled whatever the times.
+        let mut upper = Vec::with_capacity(count * (count + 1) / 2);
+        let (mut rows, mut starts) = (Vec::new(), vec![0]);
+        for k in 0..count {
+            for j in 0..=k {
+                let symmetric =
+                    0.5 * (self.curvature[j * count + k] + self.curvature[k * count + j]);
+                upper.push(symmetric * trust * trust);
+                rows.push(j);
+            }
+            starts.push(rows.len());
+        }
+        let quadratic = CscMatrix::new(count, count, starts, rows, upper);
+        let linear: Vec<f64> = self.gradient.iter().map(|g| g * trust).collect();
+        // Rows: the sum, then −Δ_k ≤ min(d_k/trust, 1) and Δ_k ≤ 1.
+        let (mut rows, mut values, mut starts) = (Vec::new(), Vec::new(), vec![0]);
+        for k in 0..count {
+            rows.extend([0, 1 + k, 1 + count + k]);
+            values.extend([1.0, -1.0, 1.0]);
+            starts.push(rows.len());
+        }
+        let constraints = CscMatrix::new(1 + 2 * count, count, starts, rows, values);
+        let mut bounds = vec![0.0];
+        bounds.extend(dwell_s.iter().map(|d| (d / trust).min(1.0)));
+        bounds.extend(std::iter::repeat_n(1.0, count));
+        let settings = DefaultSettingsBuilder::default()
+            .verbose(false)
+            .build()
+            .ok()?;
+        let cones = [ZeroConeT(1), NonnegativeConeT(2 * count)];
+        let mut solver =
+            DefaultSolver::new(&quadratic, &linear, &constraints, &bounds, &cones, settings)
+                .ok()?;
+        solver.solve();
+        let solved = matches!(
+            solver.solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved
+        );
+        solved.then(|| solver.solution.x.iter().map(|x| x * trust).collect())
+    }
+}

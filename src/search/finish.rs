@@ -1,0 +1,243 @@
+//! Working a start out to the end: allocate, drop, refine, round.
+
+use super::allocate::allocate;
+use super::refine::{Refined, refine, refine_angles};
+use super::variables::{Plan, tidy_angle};
+use super::{Candidate, Control, SearchProblem, Work, first_smoothing};
+use crate::attitude::Position;
+use crate::covariance::TickRule;
+use crate::criterion::Smoothing;
+use crate::evaluate::Evaluator;
+use crate::motion::{MAX_FILTER_PERIODS, Timeline};
+use crate::platform::Platform;
+use crate::units::Angle;
+
+/// L-BFGS iterations of a full refinement.
+const FULL_ITERATIONS: u64 = 400;
+/// L-BFGS iterations that a plan with one position fewer gets to make up for it.
+const REMOVAL_ITERATIONS: u64 = 40;
+/// Rounds of allocation and refinement.
+const ROUNDS: usize = 3;
+/// Angles of a recommended schedule are multiples of this, degrees.
+const ANGLE_STEP_DEG: f64 = 1e-3;
+
+/// Works `plan` out to the end; none when it comes to nothing.
+pub(super) fn finish(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    work: &Work,
+    control: &Control<'_>,
+    plan: Plan,
+) -> Option<Candidate> {
+    let smoothing = first_smoothing(evaluator);
+    let full = |plan: &Plan, smoothing| {
+        refine(
+            evaluator,
+            plan,
+            problem.total_time_s,
+            smoothing,
+            FULL_ITERATIONS,
+            work,
+        )
+    };
+    let mut current = full(&plan, smoothing)?;
+    if !control.should_stop() {
+        current = settle_allocation(evaluator, problem, work, control, smoothing, current);
+        current = drop_idle(evaluator, problem, work, control, smoothing, current);
+    }
+    // From the power mean towards the criterion itself.
+    if evaluator.objective().criterion.has_kinks() {
+        for power in [16.0, 48.0, 144.0] {
+            if let Some(sharper) = full(&current.plan, Smoothing::PowerMean(power)) {
+                current = sharper;
+            }
+        }
+    }
+    round(evaluator, problem, work, &current.plan)
+}
+
+/// Allocation and refinement in turn until neither helps.
+fn settle_allocation(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    work: &Work,
+    control: &Control<'_>,
+    smoothing: Smoothing,
+    mut current: Refined,
+) -> Refined {
+    for _ in 0..ROUNDS {
+        if control.should_stop() {
+            break;
+        }
+        let before = current.merit;
+        current = allocate(evaluator, current, problem.total_time_s, smoothing, work);
+        let plan = &current.plan;
+        let refined = refine(
+            evaluator,
+            plan,
+            problem.total_time_s,
+            smoothing,
+            FULL_ITERATIONS,
+            work,
+        );
+        if let Some(refined) = refined.filter(|r| r.merit < current.merit) {
+            current = refined;
+        }
+        if before - current.merit < 1e-7 {
+            break;
+        }
+    }
+    current
+}
+
+/// Removes positions one by one, the most idle first, as long as the merit loses less than the
+/// tolerance by it.
+fn drop_idle(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    work: &Work,
+    control: &Control<'_>,
+    smoothing: Smoothing,
+    mut current: Refined,
+) -> Refined {
+    let refit = |plan: Plan, iterations| {
+        let plan = plan.fitted(evaluator.platform(), problem.total_time_s)?;
+        refine(
+            evaluator,
+            &plan,
+            problem.total_time_s,
+            smoothing,
+            iterations,
+            work,
+        )
+    };
+    while current.plan.angles.len() > 1 && !control.should_stop() {
+        let candidates = (0..current.plan.angles.len())
+            .filter_map(|k| refit(current.plan.without(k), REMOVAL_ITERATIONS));
+        let Some(best) = candidates.reduce(|best, c| if c.merit < best.merit { c } else { best })
+        else {
+            break;
+        };
+        let best = refit(best.plan.clone(), FULL_ITERATIONS).unwrap_or(best);
+        let too_many = current.plan.angles.len() > problem.max_positions;
+        if best.merit - current.merit > problem.position_tolerance && !too_many {
+            break;
+        }
+        current = best;
+    }
+    current
+}
+
+/// Rounds angles and dwells, refining the angles once more between where moves take no time.
+fn round(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    work: &Work,
+    plan: &Plan,
+) -> Option<Candidate> {
+    let platform = evaluator.platform();
+    let mut plan = with_whole_periods(platform, &round_angles(platform, plan), problem)?;
+    if platform.motion().slew_rate_rad_per_s.is_none() {
+        // The dwells are final now; the angles settle around them. Where moves take time this
+        // could lengthen them beyond the total time.
+        let smoothing = match evaluator.objective().criterion.has_kinks() {
+            true => Smoothing::PowerMean(144.0),
+            false => Smoothing::Exact,
+        };
+        if let Some(refined) = refine_angles(evaluator, &plan, smoothing, FULL_ITERATIONS, work) {
+            plan = round_angles(platform, &refined.plan);
+        }
+    }
+    work.count_evaluations(1);
+    let timeline = plan.timeline(platform);
+    let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
+    let end = evaluator
+        .model()
+        .end_covariance(&timeline, TickRule::Filter)
+        .ok()?;
+    let criterion = evaluator
+        .objective()
+        .criterion
+        .value(&end.coefficients)
+        .ok()?;
+    Some(Candidate {
+        plan,
+        merit,
+        criterion,
+    })
+}
+
+/// Angles to multiples of 0.001°, inside the ranges.
+fn round_angles(platform: &Platform, plan: &Plan) -> Plan {
+    let mut rounded = plan.clone();
+    for angles in &mut rounded.angles {
+        let degrees: [f64; 3] = std::array::from_fn(|axis| {
+            let angle = tidy_angle(platform, axis, angles[axis]);
+            let steps = Angle::from_rad(angle).deg() / ANGLE_STEP_DEG;
+            let mut nearest = steps.round();
+            if let Some(range) = platform.gimbals().ranges[axis] {
+                // Towards the middle where rounding would leave the range; a range narrower
+                // than a step keeps its angle.
+                let low = (Angle::from_rad(range.low_rad).deg() / ANGLE_STEP_DEG - 1e-6).ceil();
+                let high = (Angle::from_rad(range.high_rad).deg() / ANGLE_STEP_DEG + 1e-6).floor();
+                if low > high {
+                    return Angle::from_rad(angle).deg();
+                }
+                nearest = nearest.clamp(low, high);
+            }
+            crate::units::round_deg(nearest * ANGLE_STEP_DEG)
+        });
+        let [a, b, g] = degrees;
+        *angles = Position::from_deg(a, b, g).to_array();
+    }
+    rounded
+}
+
+/// Dwells to whole filter periods, as many as the total time leaves, by largest remainder.
+fn with_whole_periods(platform: &Platform, plan: &Plan, problem: &SearchProblem) -> Option<Plan> {
+    let period = platform.period_s();
+    let budget = problem.total_time_s - plan.overhead_s(platform);
+    let available = (budget / period + 1e-9).floor();
+    if !(1.0..=MAX_FILTER_PERIODS).contains(&available) {
+        return None;
+    }
+    let fewest = (platform.motion().min_dwell_s / period - 1e-9)
+        .ceil()
+        .max(1.0);
+    let mut periods: Vec<f64> = plan
+        .dwell_s
+        .iter()
+        .map(|d| (d / period).floor().max(fewest))
+        .collect();
+    let mut spare = available - periods.iter().sum::<f64>();
+    // Too many because of the minimum: take from the longest.
+    while spare < 0.0 {
+        let longest = index_of_largest(&periods)?;
+        if periods[longest] <= fewest {
+            return None;
+        }
+        periods[longest] -= 1.0;
+        spare += 1.0;
+    }
+    let mut order: Vec<usize> = (0..periods.len()).collect();
+    let missing = |k: usize| plan.dwell_s[k] / period - periods[k];
+    order.sort_by(|&a, &b| missing(b).total_cmp(&missing(a)).then(a.cmp(&b)));
+    // Fewer spare periods than positions, but for dwells that fell short by more.
+    for k in order.iter().cycle().take(spare as usize) {
+        periods[*k] += 1.0;
+    }
+    let rounded = Plan {
+        angles: plan.angles.clone(),
+        dwell_s: periods.iter().map(|n| n * period).collect(),
+    };
+    let fits = total(&rounded.timeline(platform)) <= problem.total_time_s * (1.0 + 1e-12);
+    fits.then_some(rounded)
+}
+
+fn total(timeline: &Timeline) -> f64 {
+    timeline.total_time_s()
+}
+
+fn index_of_largest(values: &[f64]) -> Option<usize> {
+    (0..values.len()).reduce(|best, k| if values[k] > values[best] { k } else { best })
+}

@@ -1,0 +1,276 @@
+//! Starts of a search: random attitudes, and structured sets in random orientation and order.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rand::seq::SliceRandom;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::SearchProblem;
+use super::variables::{Plan, tidy_angle};
+use crate::attitude::{Attitude, Position};
+use crate::error::{Error, Result};
+use crate::evaluate::Evaluator;
+use crate::motion::gimbal_change;
+use crate::platform::Platform;
+
+/// How many positions the starts have, in turn. The allocation removes what does not pay, so
+/// that these are upper ends, not choices.
+const COUNTS: [usize; 6] = [12, 14, 10, 16, 12, 20];
+
+/// The starts of `problem`: start k depends on the seed and k only.
+///
+/// # Errors
+///
+/// [`Error::is_infeasible`] when not even one position fits into the time.
+pub fn starts(evaluator: &Evaluator, problem: &SearchProblem) -> Result<Vec<Plan>> {
+    let platform = evaluator.platform();
+    let needed = platform.motion().min_dwell_s.max(platform.period_s());
+    if problem.total_time_s < needed {
+        return Err(Error::infeasible("the test is shorter than one dwell")
+            .with_key("objective.total_time_s")
+            .with_value(problem.total_time_s)
+            .with_allowed(format!("at least {needed} s")));
+    }
+    (0..problem.starts.max(1))
+        .map(|k| start(platform, problem, k))
+        .collect()
+}
+
+fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan> {
+    let mut random = ChaCha8Rng::seed_from_u64(problem.seed);
+    random.set_stream(k as u64);
+    let count = COUNTS[k % COUNTS.len()].min(problem.max_positions);
+    let mut positions = match k % 4 {
+        3 => icosahedral(platform, count, &mut random),
+        _ => (0..count)
+            .map(|_| random_position(platform, &mut random))
+            .collect(),
+    };
+    // With moves that take time, every second start is put into an order of short moves.
+    if platform.motion().slew_rate_rad_per_s.is_some() && k % 2 == 1 {
+        order_by_nearest(platform, &mut positions);
+    }
+    loop {
+        let plan = Plan {
+            angles: positions.iter().map(|p| p.to_array()).collect(),
+            dwell_s: vec![problem.total_time_s; positions.len()],
+        };
+        // A little spare time, so that the first steps have room.
+        if let Some(plan) = plan.clone().fitted(platform, 0.95 * problem.total_time_s) {
+            return Ok(plan);
+        }
+        if positions.len() == 1 {
+            return plan
+                .fitted(platform, problem.total_time_s)
+                .ok_or_else(|| Error::infeasible("not even one position fits into the time"));
+        }
+        positions.pop();
+    }
+}
+
+/// A rotation drawn from the uniform (Haar) distribution: a normalised quaternion of normals.
+fn random_rotation(random: &mut impl Rng) -> Rotation3<f64> {
+    // Marsaglia's method for a uniform point on the 3-sphere, from pairs in the unit disc.
+    let mut disc = || {
+        loop {
+            let x: f64 = random.random_range(-1.0..1.0);
+            let y: f64 = random.random_range(-1.0..1.0);
+            let s = x * x + y * y;
+            if s < 1.0 && s > 0.0 {
+                return (x, y, s);
+            }
+        }
+    };
+    let (x, y, s1) = disc();
+    let (z, w, s2) = disc();
+    let scale = ((1.0 - s1) / s2).sqrt();
+    let quaternion = Quaternion::new(w * scale, x, y, z * scale);
+    UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
+}
+
+/// How often a uniform attitude is drawn before a limited platform gets uniform angles instead.
+const ATTEMPTS: usize = 50;
+
+/// A position within the gimbals' ranges: of a uniform attitude if one can be had.
+fn random_position(platform: &Platform, random: &mut impl Rng) -> Position {
+    for _ in 0..ATTEMPTS {
+        let attitude = Attitude::from_rotation(random_rotation(random));
+        if let Some(position) = within_ranges(platform, attitude.position()) {
+            return position;
+        }
+    }
+    Position::from_array(std::array::from_fn(|axis| {
+        match platform.gimbals().ranges[axis] {
+            Some(r) => r.low_rad + (r.high_rad - r.low_rad) * random.random_range(0.0..1.0),
+            None => random.random_range(-TAU / 2.0..TAU / 2.0),
+        }
+    }))
+}
+
+/// A triple of the same attitude within the ranges: the one given, or
+/// (α + 180°, 180° − β, γ + 180°), each axis shifted by whole turns.
+pub fn within_ranges(platform: &Platform, position: Position) -> Option<Position> {
+    let half = TAU / 2.0;
+    let [a, b, g] = position.to_array();
+    for triple in [[a, b, g], [a + half, half - b, g + half]] {
+        let shifted: [Option<f64>; 3] = std::array::from_fn(|axis| {
+            let angle = triple[axis];
+            match platform.gimbals().ranges[axis] {
+                None => Some(tidy_angle(platform, axis, angle)),
+                Some(r) => {
+                    let lowest = angle + TAU * ((r.low_rad - angle) / TAU).ceil();
+                    (lowest <= r.high_rad).then_some(lowest)
+                }
+            }
+        });
+        if let [Some(a), Some(b), Some(g)] = shifted {
+            return Some(Position::from_rad(a, b, g));
+        }
+    }
+    None
+}
+
+/// Gravity along the twelve directions of a randomly turned icosahedron, each at a random
+/// heading, in random order; the rest, if any, random. The icosahedron is A- and D-optimal for
+/// the order-1 levelling problem.
+fn icosahedral(platform: &Platform, count: usize, random: &mut ChaCha8Rng) -> Vec<Position> {
+    let turn = random_rotation(random);
+    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+    let mut positions = Vec::with_capacity(12);
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        for (si, sj) in [
+            (1.0, golden),
+            (1.0, -golden),
+            (-1.0, golden),
+            (-1.0, -golden),
+        ] {
+            let mut direction = Vector3::zeros();
+            direction[i] = si;
+            direction[j] = sj;
+            let heading = random.random_range(0.0..TAU);
+            let position = Attitude::with_gravity_along(turn * direction, heading)
+                .and_then(|attitude| within_ranges(platform, attitude.position()));
+            positions.push(position.unwrap_or_else(|| random_position(platform, random)));
+        }
+    }
+    positions.shuffle(random);
+    positions.truncate(count);
+    while positions.len() < count {
+        positions.push(random_position(platform, random));
+    }
+    positions
+}
+
+/// Orders positions by always driving to the nearest one next.
+fn order_by_nearest(platform: &Platform, positions: &mut [Position]) {
+    let distance = |from: Position, to: Position| {
+        let change = gimbal_change(platform, from, to);
+        change.iter().fold(0.0_f64, |max, c| max.max(c.abs()))
+    };
+    for next in 1..positions.len() {
+        let here = positions[next - 1];
+        let nearest = (next..positions.len())
+            .min_by(|&a, &b| distance(here, positions[a]).total_cmp(&distance(here, positions[b])));
+        if let Some(nearest) = nearest {
+            positions.swap(next, nearest);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Objective;
+    use crate::motion::Timeline;
+    use crate::platform::PlatformConfig;
+
+    fn evaluator(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
+        let mut config = PlatformConfig::default();
+        change(&mut config);
+        Evaluator::new(config.check().unwrap(), Objective::default())
+    }
+
+    #[test]
+    fn starts_are_within_limits_and_time() {
+        let evaluator = evaluator(|c| {
+            c.gimbals.alpha_deg = Some([-100.0, 120.0]);
+            c.gimbals.beta_deg = Some([-60.0, 60.0]);
+            c.motion.slew_rate_deg_per_s = Some(0.3);
+            c.motion.settle_s = 30.0;
+        });
+        let problem = SearchProblem {
+            total_time_s: 4000.0,
+            ..SearchProblem::default()
+        };
+        for plan in starts(&evaluator, &problem).unwrap() {
+            let schedule = plan.to_schedule().unwrap();
+            let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
+            assert!(timeline.total_time_s() <= 4000.0 + 1e-6);
+            assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));
+        }
+    }
+
+    #[test]
+    fn a_start_depends_on_seed_and_number_only() {
+        let evaluator = evaluator(|_| {});
+        let few = SearchProblem {
+            starts: 3,
+            ..SearchProblem::default()
+        };
+        let many = SearchProblem {
+            starts: 9,
+            ..SearchProblem::default()
+        };
+        let (few, many) = (
+            starts(&evaluator, &few).unwrap(),
+            starts(&evaluator, &many).unwrap(),
+        );
+        assert_eq!(few[..], many[..3]);
+        assert_ne!(many[0], many[1]);
+        let other = SearchProblem {
+            seed: 2,
+            starts: 1,
+            ..SearchProblem::default()
+        };
+        assert_ne!(starts(&evaluator, &other).unwrap()[0], many[0]);
+    }
+
+    #[test]
+    fn random_rotations_are_uniform() {
+        // For Haar measure every entry has mean 0 and variance 1/3.
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let count = 20_000;
+        let (mut mean, mut square) = (nalgebra::Matrix3::zeros(), nalgebra::Matrix3::zeros());
+        for _ in 0..count {
+            let r = random_rotation(&mut random).into_inner();
+            mean += r / f64::from(count);
+            square += r.component_mul(&r) / f64::from(count);
+        }
+        assert!(mean.amax() < 5.0 * (1.0 / 3.0 / f64::from(count)).sqrt());
+        assert!((square - nalgebra::Matrix3::repeat(1.0 / 3.0)).amax() < 0.011);
+    }
+
+    #[test]
+    fn both_triples_of_an_attitude_are_tried() {
+        let evaluator = evaluator(|c| c.gimbals.alpha_deg = Some([100.0, 200.0]));
+        let position = Position::from_deg(-20.0, 10.0, 30.0);
+        let found = within_ranges(evaluator.platform(), position).unwrap();
+        let difference = found.attitude().matrix() - position.attitude().matrix();
+        assert!(difference.amax() < 1e-14);
+        assert!((found.to_deg()[0] - 160.0).abs() < 1e-9);
+        let narrow = self::evaluator(|c| c.gimbals.alpha_deg = Some([10.0, 20.0]));
+        assert!(within_ranges(narrow.platform(), position).is_none());
+    }
+
+    #[test]
+    fn too_short_a_test_is_infeasible() {
+        let evaluator = evaluator(|_| {});
+        let problem = SearchProblem {
+            total_time_s: 30.0,
+            ..SearchProblem::default()
+        };
+        assert!(starts(&evaluator, &problem).unwrap_err().is_infeasible());
+    }
+}

@@ -1,0 +1,380 @@
+//! Plans, and the free variables behind them.
+//!
+//! A [`Plan`] is what a search moves: angles and dwells. An optimiser without constraints moves
+//! [`Variables`] instead: an unlimited gimbal's angle is its own variable, a limited one is
+//! `middle + half range · sin u`; the dwells share what moves, settles and minimum dwells leave
+//! of the total time in the proportions `softmax(z)`. So every point is within the limits and
+//! takes exactly the total time, and the exact gradient is pulled back through the same map.
+
+use crate::attitude::{Position, wrap_half_turn};
+use crate::covariance::gradient::LegGradient;
+use crate::error::Result;
+use crate::motion::{Leg, Timeline};
+use crate::platform::{GimbalRange, Platform};
+use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Angles and dwells of a schedule under work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// (α, β, γ) of each position, rad.
+    pub angles: Vec<[f64; 3]>,
+    /// Dwell at each position, s.
+    pub dwell_s: Vec<f64>,
+}
+
+impl Plan {
+    /// The plan as a timeline of `platform`, reached as the platform moves by default.
+    pub fn timeline(&self, platform: &Platform) -> Timeline {
+        let mut legs: Vec<Leg> = Vec::with_capacity(self.angles.len());
+        for (angles, &dwell_s) in self.angles.iter().zip(&self.dwell_s) {
+            let p = ScheduledPosition::new(Position::from_array(*angles), dwell_s);
+            let from = legs.last().map(|leg| leg.position);
+            legs.push(Timeline::leg(platform, from, &p));
+        }
+        Timeline::from_legs(legs)
+    }
+
+    /// The plan as a schedule.
+    ///
+    /// # Errors
+    ///
+    /// As [`Schedule::new`].
+    pub fn to_schedule(&self) -> Result<Schedule> {
+        let positions = self.angles.iter().zip(&self.dwell_s);
+        Schedule::new(
+            positions
+                .map(|(angles, &dwell_s)| {
+                    ScheduledPosition::new(Position::from_array(*angles), dwell_s)
+                })
+                .collect(),
+        )
+    }
+
+    /// Time in moves and settles, s.
+    pub fn overhead_s(&self, platform: &Platform) -> f64 {
+        self.timeline(platform).overhead_s()
+    }
+
+    /// The plan without position `index`.
+    pub fn without(&self, index: usize) -> Self {
+        let mut plan = self.clone();
+        plan.angles.remove(index);
+        plan.dwell_s.remove(index);
+        plan
+    }
+
+    /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
+    /// minimum; none when that is impossible.
+    pub fn fitted(mut self, platform: &Platform, total_time_s: f64) -> Option<Self> {
+        let min_dwell_s = platform.motion().min_dwell_s;
+        let count = self.angles.len() as f64;
+        let budget = total_time_s - self.overhead_s(platform);
+        let spare = budget - count * min_dwell_s;
+        if spare < 0.0 || budget <= 0.0 {
+            return None;
+        }
+        let above: Vec<f64> = self
+            .dwell_s
+            .iter()
+            .map(|d| (d - min_dwell_s).max(0.0))
+            .collect();
+        let sum: f64 = above.iter().sum();
+        for (dwell, above) in self.dwell_s.iter_mut().zip(above) {
+            let share = if sum > 0.0 { above / sum } else { 1.0 / count };
+            *dwell = min_dwell_s + spare * share;
+        }
+        Some(self)
+    }
+}
+
+/// How one angle follows from its free variable.
+#[derive(Debug, Clone, Copy)]
+enum AngleMap {
+    Free,
+    Limited { middle: f64, half: f64 },
+}
+
+impl AngleMap {
+    fn new(range: Option<GimbalRange>) -> Self {
+        match range {
+            None => Self::Free,
+            Some(r) => Self::Limited {
+                middle: 0.5 * (r.low_rad + r.high_rad),
+                half: 0.5 * (r.high_rad - r.low_rad),
+            },
+        }
+    }
+
+    fn angle(self, u: f64) -> f64 {
+        match self {
+            Self::Free => u,
+            Self::Limited { middle, half } => middle + half * u.sin(),
+        }
+    }
+
+    fn slope(self, u: f64) -> f64 {
+        match self {
+            Self::Free => 1.0,
+            Self::Limited { half, .. } => half * u.cos(),
+        }
+    }
+
+    fn variable(self, angle: f64) -> f64 {
+        match self {
+            Self::Free => angle,
+            // Not quite to the end of the range: the slope is zero there and would hold it.
+            Self::Limited { middle, half } if half > 0.0 => {
+                ((angle - middle) / half).clamp(-0.9999, 0.9999).asin()
+            }
+            Self::Limited { .. } => 0.0,
+        }
+    }
+}
+
+/// The map between free variables (four per position: u_α, u_β, u_γ, z) and plans.
+#[derive(Debug, Clone)]
+pub struct Variables<'a> {
+    platform: &'a Platform,
+    maps: [AngleMap; 3],
+    total_time_s: f64,
+    /// Dwells that stay as they are; none: dwells vary too.
+    fixed_dwell_s: Option<Vec<f64>>,
+}
+
+/// Free variables per position.
+const PER_POSITION: usize = 4;
+
+impl<'a> Variables<'a> {
+    /// Angles and dwells vary; the plan always takes `total_time_s`.
+    pub fn angles_and_dwells(platform: &'a Platform, total_time_s: f64) -> Self {
+        Self {
+            platform,
+            maps: platform.gimbals().ranges.map(AngleMap::new),
+            total_time_s,
+            fixed_dwell_s: None,
+        }
+    }
+
+    /// Only the angles vary; for platforms whose moves take no time of their own.
+    pub fn angles_only(platform: &'a Platform, dwell_s: Vec<f64>) -> Self {
+        Self {
+            fixed_dwell_s: Some(dwell_s),
+            ..Self::angles_and_dwells(platform, f64::INFINITY)
+        }
+    }
+
+    /// The variables of `plan`.
+    pub fn encode(&self, plan: &Plan) -> Vec<f64> {
+        let min_dwell_s = self.platform.motion().min_dwell_s;
+        let mut x = Vec::with_capacity(PER_POSITION * plan.angles.len());
+        for (angles, dwell) in plan.angles.iter().zip(&plan.dwell_s) {
+            for (map, angle) in self.maps.iter().zip(angles) {
+                x.push(map.variable(*angle));
+            }
+            // A dwell at the minimum has z = −∞; a period stands in for zero.
+            let above = (dwell - min_dwell_s).max(0.1 * self.platform.period_s());
+            x.push(above.ln());
+        }
+        x
+    }
+
+    /// The plan of `x`; none when its moves and settles leave no time for the minimum dwells.
+    pub fn decode(&self, x: &[f64]) -> Option<Plan> {
+        let angles: Vec<[f64; 3]> = x
+            .chunks_exact(PER_POSITION)
+            .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
+            .collect();
+        if let Some(dwell_s) = &self.fixed_dwell_s {
+            return Some(Plan {
+                angles,
+                dwell_s: dwell_s.clone(),
+            });
+        }
+        let count = angles.len();
+        let mut plan = Plan {
+            angles,
+            dwell_s: vec![0.0; count],
+        };
+        let min_dwell_s = self.platform.motion().min_dwell_s;
+        let spare = self.total_time_s - plan.overhead_s(self.platform) - count as f64 * min_dwell_s;
+        if spare.is_nan() || spare <= 0.0 {
+            return None;
+        }
+        for (dwell, share) in plan.dwell_s.iter_mut().zip(shares(x)) {
+            *dwell = min_dwell_s + spare * share;
+        }
+        Some(plan)
+    }
+
+    /// The gradient with respect to `x`, from the gradient of the timeline `decode(x)` makes.
+    pub fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
+        let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
+        let vary_dwells = self.fixed_dwell_s.is_none();
+        let shares: Vec<f64> = shares(x).collect();
+        // What one more second for all dwells together is worth.
+        let mean_dwell: f64 = match vary_dwells {
+            true => shares.iter().zip(legs).map(|(s, l)| s * l.dwell_s).sum(),
+            false => 0.0,
+        };
+        self.add_move_times(timeline, legs, mean_dwell, &mut angles);
+        let spare: f64 = match vary_dwells {
+            true => {
+                let min_dwell_s = self.platform.motion().min_dwell_s;
+                timeline
+                    .legs()
+                    .iter()
+                    .map(|l| l.dwell_s - min_dwell_s)
+                    .sum()
+            }
+            false => 0.0,
+        };
+        let mut gradient = Vec::with_capacity(x.len());
+        for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
+            for i in 0..3 {
+                gradient.push(angles[k][i] * self.maps[i].slope(c[i]));
+            }
+            gradient.push(spare * shares[k] * (legs[k].dwell_s - mean_dwell));
+        }
+        gradient
+    }
+
+    /// A move's duration follows from the axis that turns most, and takes its time from the
+    /// dwells.
+    fn add_move_times(
+        &self,
+        timeline: &Timeline,
+        legs: &[LegGradient],
+        mean_dwell: f64,
+        angles: &mut [[f64; 3]],
+    ) {
+        let Some(rate) = self.platform.motion().slew_rate_rad_per_s else {
+            return;
+        };
+        for (k, leg) in timeline.legs().iter().enumerate() {
+            let Some(m) = leg.arrival.filter(|m| m.duration_s > 0.0) else {
+                continue;
+            };
+            let (axis, _) = m.slowest_axis();
+            let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean_dwell);
+            angles[k][axis] += slope;
+            angles[k - 1][axis] -= slope;
+        }
+    }
+}
+
+/// softmax(z) of the fourth variable of each position.
+fn shares(x: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    let z = |c: &[f64]| c[PER_POSITION - 1];
+    let top = x.chunks_exact(PER_POSITION).map(z).fold(f64::MIN, f64::max);
+    let sum: f64 = x
+        .chunks_exact(PER_POSITION)
+        .map(|c| (z(c) - top).exp())
+        .sum();
+    x.chunks_exact(PER_POSITION)
+        .map(move |c| (z(c) - top).exp() / sum)
+}
+
+/// An angle as a person would give it: unlimited axes in (−180°, 180°].
+pub(crate) fn tidy_angle(platform: &Platform, axis: usize, angle: f64) -> f64 {
+    match platform.gimbals().ranges[axis] {
+        Some(_) => angle,
+        None => wrap_half_turn(angle),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::criterion::Smoothing;
+    use crate::evaluate::{Evaluator, Objective};
+    use crate::platform::PlatformConfig;
+
+    fn sample_plan() -> Plan {
+        let angles = (0..7).map(|k| {
+            let k = f64::from(k);
+            [1.3 * k - 4.0, (0.9 * k).sin() * 0.9, 2.0 - 0.7 * k]
+        });
+        Plan {
+            angles: angles.collect(),
+            dwell_s: (0..7).map(|k| 400.0 + 50.0 * f64::from(k)).collect(),
+        }
+    }
+
+    fn evaluator(limited: bool) -> Evaluator {
+        let mut config = PlatformConfig::default();
+        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.settle_s = 20.0;
+        if limited {
+            config.gimbals.alpha_deg = Some([-300.0, 300.0]);
+            config.gimbals.beta_deg = Some([-60.0, 60.0]);
+        }
+        Evaluator::new(config.check().unwrap(), Objective::default())
+    }
+
+    #[test]
+    fn every_point_is_within_the_limits_and_takes_the_total_time() {
+        let evaluator = evaluator(true);
+        let variables = Variables::angles_and_dwells(evaluator.platform(), 9000.0);
+        let mut x = variables.encode(&sample_plan());
+        for (i, v) in x.iter_mut().enumerate() {
+            *v += (3.0 * i as f64).sin() * 0.2;
+        }
+        let plan = variables.decode(&x).unwrap();
+        let timeline = Timeline::new(evaluator.platform(), &plan.to_schedule().unwrap()).unwrap();
+        assert!((timeline.total_time_s() - 9000.0).abs() < 1e-6);
+        assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));
+        // Too little time for the moves: no plan.
+        let short = Variables::angles_and_dwells(evaluator.platform(), 1000.0);
+        assert!(short.decode(&x).is_none());
+    }
+
+    #[test]
+    fn plans_survive_the_way_through_the_variables() {
+        let evaluator = evaluator(true);
+        let plan = sample_plan().fitted(evaluator.platform(), 9000.0).unwrap();
+        let variables = Variables::angles_and_dwells(evaluator.platform(), 9000.0);
+        let again = variables.decode(&variables.encode(&plan)).unwrap();
+        for (a, b) in plan
+            .angles
+            .iter()
+            .flatten()
+            .zip(again.angles.iter().flatten())
+        {
+            assert!((a - b).abs() < 1e-9);
+        }
+        for (a, b) in plan.dwell_s.iter().zip(&again.dwell_s) {
+            assert!((a - b).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn pulled_back_gradient_is_the_derivative() {
+        for limited in [false, true] {
+            let evaluator = evaluator(limited);
+            let platform = evaluator.platform();
+            let variables = Variables::angles_and_dwells(platform, 9000.0);
+            let x = variables.encode(&sample_plan().fitted(platform, 9000.0).unwrap());
+            let timeline = variables.decode(&x).unwrap().timeline(platform);
+            let (_, legs) = evaluator
+                .merit_gradient(&timeline, Smoothing::Exact)
+                .unwrap();
+            let gradient = variables.pull_back(&x, &timeline, &legs);
+            let f = |x: &[f64]| {
+                let timeline = variables.decode(x).unwrap().timeline(platform);
+                evaluator.merit(&timeline, Smoothing::Exact).unwrap()
+            };
+            for i in 0..x.len() {
+                let h = 1e-6;
+                let (mut hi, mut lo) = (x.clone(), x.clone());
+                hi[i] += h;
+                lo[i] -= h;
+                let numeric = (f(&hi) - f(&lo)) / (2.0 * h);
+                assert!(
+                    (numeric - gradient[i]).abs() < 2e-6,
+                    "{i}: {numeric} {}",
+                    gradient[i]
+                );
+            }
+        }
+    }
+}
