@@ -18,6 +18,7 @@ pub mod gradient;
 pub mod history;
 pub mod kernel;
 pub mod reference;
+mod rows;
 mod small;
 
 use nalgebra::{Matrix3, Vector3};
@@ -133,8 +134,10 @@ impl EndCovariance {
 
 /// P_D = S (I + S E S)⁻¹ S with S the prior σ and E the information on D without the prior.
 ///
-/// Scaling by the prior makes the smallest eigenvalue 1, so that the factorisation cannot lose
-/// definiteness to rounding and a coefficient with prior σ = 0 (known) stays known.
+/// Scaling by the prior makes the smallest eigenvalue 1, so that a coefficient with prior σ = 0
+/// (known) stays known. For searches: what the schedule leaves to the prior may be off in the
+/// last digits where its other information is 1e14 times larger; printed numbers come from
+/// [`rows`].
 ///
 /// # Errors
 ///

@@ -240,7 +240,9 @@ impl Evaluator {
     /// The figure of merit of a search: the score, plus a penalty below the minimum
     /// separability, by the fast kernels. Infinite where nothing can be said.
     pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
-        let end = self.model.end_covariance(timeline, TickRule::Relaxed)?;
+        let end = self
+            .model
+            .end_covariance_by_gram(timeline, TickRule::Relaxed)?;
         let (log, _) = self
             .objective
             .criterion

@@ -1,1 +1,7 @@
-fn main() {}
+//! The `scheme-opt` program: see [`scheme_opt::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    scheme_opt::cli::run(std::env::args_os()).into()
+}

@@ -135,7 +135,7 @@ pub struct PlatformConfig {
 }
 
 /// 1σ random drift when the file gives neither form, °/h: the seed paper's §3.1.
-const DEFAULT_RANDOM_DRIFT_DEG_PER_H: f64 = 0.01;
+pub(crate) const DEFAULT_RANDOM_DRIFT_DEG_PER_H: f64 = 0.01;
 
 impl Default for SiteConfig {
     fn default() -> Self {

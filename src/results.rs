@@ -7,6 +7,8 @@
 //!
 //! Fields may be added within a major version; none is renamed or dropped.
 
+mod layout;
+
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -496,7 +498,15 @@ fn skipped(baselines: &[Baseline]) -> Vec<SkippedBaseline> {
 }
 
 fn to_json(document: &impl Serialize) -> Result<String> {
-    serde_json::to_string_pretty(document)
-        .map(|text| text + "\n")
-        .map_err(|e| Error::numerical(format!("the document cannot be written as JSON: {e}")))
+    let failed = |e: &dyn std::fmt::Display| {
+        Error::numerical(format!("the document cannot be written as JSON: {e}"))
+    };
+    let mut bytes = Vec::new();
+    let mut serializer =
+        serde_json::Serializer::with_formatter(&mut bytes, layout::Layout::default());
+    document
+        .serialize(&mut serializer)
+        .map_err(|e| failed(&e))?;
+    bytes.push(b'\n');
+    String::from_utf8(bytes).map_err(|e| failed(&e))
 }

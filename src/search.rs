@@ -23,7 +23,7 @@ pub mod propose;
 pub mod refine;
 pub mod variables;
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
@@ -48,6 +48,8 @@ pub struct SearchProblem {
     pub seed: u64,
     /// A position is dropped when the score gets worse by less than this without it.
     pub position_tolerance: f64,
+    /// Measured continuous moves as part of the schedule; this search does not plan them yet.
+    pub allow_tumbling: bool,
 }
 
 impl Default for SearchProblem {
@@ -58,6 +60,7 @@ impl Default for SearchProblem {
             starts: 64,
             seed: 1,
             position_tolerance: 2e-4,
+            allow_tumbling: false,
         }
     }
 }
@@ -119,9 +122,18 @@ pub(crate) struct Work {
     evaluations: AtomicU64,
     gradients: AtomicU64,
     starts: AtomicU64,
+    cut_short: AtomicBool,
 }
 
 impl Work {
+    /// Whether to stop, remembering that work was left undone.
+    pub(crate) fn must_stop(&self, control: &Control<'_>) -> bool {
+        let stop = control.should_stop();
+        if stop {
+            self.cut_short.store(true, Ordering::Relaxed);
+        }
+        stop
+    }
     pub(crate) fn count_evaluations(&self, n: u64) {
         self.evaluations.fetch_add(n, Ordering::Relaxed);
     }
@@ -157,13 +169,7 @@ pub fn search(
     problem: &SearchProblem,
     control: &Control<'_>,
 ) -> Result<SearchOutcome> {
-    if evaluator.platform().gimbals().step_rad.is_some() {
-        return Err(
-            Error::input("the search does not yet place positions on an index table")
-                .with_key("gimbals.step_deg")
-                .with_allowed("left out for `search`; `evaluate` takes it"),
-        );
-    }
+    refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
     let starts = propose::starts(evaluator, problem)?;
     let screened = screen(evaluator, problem, control, &work, starts)?;
@@ -172,7 +178,7 @@ pub fn search(
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
     let schedule = best.plan.to_schedule()?;
     let evaluation = evaluator.evaluate(&schedule)?;
-    let (status, reason) = verdict(evaluator, control, &evaluation);
+    let (status, reason) = verdict(evaluator, control, &work, &evaluation);
     Ok(SearchOutcome {
         status,
         reason,
@@ -180,6 +186,26 @@ pub fn search(
         evaluation,
         counters: work.counters(),
     })
+}
+
+/// What this search cannot plan is refused, not quietly left out.
+fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
+    if evaluator.platform().gimbals().step_rad.is_some() {
+        return Err(
+            Error::input("the search does not place positions on an index table yet")
+                .with_key("gimbals.step_deg")
+                .with_allowed("left out for a search; an evaluation takes it"),
+        );
+    }
+    if problem.allow_tumbling {
+        return Err(
+            Error::input("the search does not plan continuous moves yet")
+                .with_key("search.allow_tumbling")
+                .with_value(true)
+                .with_allowed("false; an evaluation takes measured moves"),
+        );
+    }
+    Ok(())
 }
 
 fn no_schedule() -> Error {
@@ -217,7 +243,7 @@ fn screen(
         .into_par_iter()
         .enumerate()
         .filter_map(|(index, plan)| {
-            if index > 0 && control.should_stop() {
+            if index > 0 && work.must_stop(control) {
                 return None;
             }
             let smoothing = first_smoothing(evaluator);
@@ -266,8 +292,7 @@ fn finish_all(
         .into_par_iter()
         .enumerate()
         .filter_map(|(index, start)| {
-            let hurry = control.should_stop();
-            if index > 0 && hurry {
+            if index > 0 && work.must_stop(control) {
                 return None;
             }
             let result = finish::finish(evaluator, problem, work, control, start.plan);
@@ -283,15 +308,17 @@ fn finish_all(
 fn verdict(
     evaluator: &Evaluator,
     control: &Control<'_>,
+    work: &Work,
     evaluation: &Evaluation,
 ) -> (Status, String) {
-    if control.is_cancelled() {
+    let cut_short = work.cut_short.load(Ordering::Relaxed);
+    if cut_short && control.is_cancelled() {
         return (
             Status::Interrupted,
             "interrupted; the schedule is the best found so far".to_owned(),
         );
     }
-    if control.is_out_of_time() {
+    if cut_short {
         return (
             Status::TimeLimit,
             "the time limit was reached; the schedule is the best found so far".to_owned(),

@@ -41,7 +41,7 @@ pub(super) fn finish(
         )
     };
     let mut current = full(&plan, smoothing)?;
-    if !control.should_stop() {
+    if !work.must_stop(control) {
         current = settle_allocation(evaluator, problem, work, control, smoothing, current);
         current = drop_idle(evaluator, problem, work, control, smoothing, current);
     }
@@ -66,7 +66,7 @@ fn settle_allocation(
     mut current: Refined,
 ) -> Refined {
     for _ in 0..ROUNDS {
-        if control.should_stop() {
+        if work.must_stop(control) {
             break;
         }
         let before = current.merit;
@@ -111,7 +111,7 @@ fn drop_idle(
             work,
         )
     };
-    while current.plan.angles.len() > 1 && !control.should_stop() {
+    while current.plan.angles.len() > 1 && !work.must_stop(control) {
         let candidates = (0..current.plan.angles.len())
             .filter_map(|k| refit(current.plan.without(k), REMOVAL_ITERATIONS));
         let Some(best) = candidates.reduce(|best, c| if c.merit < best.merit { c } else { best })

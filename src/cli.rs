@@ -1,0 +1,96 @@
+//! The command line: arguments, progress, tables, exit codes.
+//!
+//! Data goes to stdout, messages and progress to stderr; nothing else of the library writes to
+//! either. [`run`] is all of it:
+//!
+//! ```no_run
+//! std::process::exit(i32::from(scheme_opt::cli::run(std::env::args_os()).code()));
+//! ```
+
+mod args;
+mod evaluate;
+mod files;
+mod init;
+mod inputs;
+mod output;
+mod progress;
+mod report;
+mod search;
+mod standard;
+mod table;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::error::Result;
+use args::{Cli, Command};
+use output::Output;
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Exit {
+    /// Done.
+    Done,
+    /// No acceptable schedule: the specification or the limits cannot be met.
+    NoSchedule,
+    /// Usage or input error, or a computation that refused to answer.
+    Failed,
+    /// Interrupted; the best schedule so far is written.
+    Interrupted,
+}
+
+impl Exit {
+    /// The exit code of the process.
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::NoSchedule => 1,
+            Self::Failed => 2,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit.code())
+    }
+}
+
+/// Runs the command line `args`, the program's name first.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> Exit {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help and version come this way too. A closed pipe is nobody's concern.
+            let _ = e.print();
+            return match e.exit_code() {
+                0 => Exit::Done,
+                _ => Exit::Failed,
+            };
+        }
+    };
+    match dispatch(&cli.command) {
+        Ok(exit) => exit,
+        Err(error) => {
+            output::error(&error);
+            if error.is_infeasible() {
+                Exit::NoSchedule
+            } else {
+                Exit::Failed
+            }
+        }
+    }
+}
+
+fn dispatch(command: &Command) -> Result<Exit> {
+    let output = Output::new(command.is_quiet());
+    match command {
+        Command::Search(args) => search::run(args, output),
+        Command::Evaluate(args) => evaluate::run(args, output),
+        Command::Init(args) => init::run(args, output),
+        Command::Standard(args) => standard::run(args, output),
+    }
+}

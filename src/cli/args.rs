@@ -1,0 +1,211 @@
+//! The command line's grammar.
+
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::study::{CriterionKind, Mode};
+
+const ABOUT: &str =
+    "Finds the torquing scheme that calibrates an inertially stabilised platform's gyros best";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  1    no acceptable schedule: the specification or the limits cannot be met
+  2    usage or input error
+  130  interrupted; the best schedule so far is written";
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(name = "scheme-opt", version, about = ABOUT, after_help = EXIT_CODES)]
+pub(super) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Find and write the recommended schedule
+    Search(SearchArgs),
+    /// Score a given schedule
+    Evaluate(EvaluateArgs),
+    /// Write a commented platform file
+    Init(InitArgs),
+    /// List the built-in schemes, or write one
+    Standard(StandardArgs),
+}
+
+impl Command {
+    /// Whether messages are to be dropped.
+    pub(super) const fn is_quiet(&self) -> bool {
+        match self {
+            Self::Search(a) => a.common.messages.quiet,
+            Self::Evaluate(a) => a.common.messages.quiet,
+            Self::Init(a) => a.messages.quiet,
+            Self::Standard(a) => a.messages.quiet,
+        }
+    }
+}
+
+/// What goes to stderr.
+#[derive(Debug, Args)]
+pub(super) struct Messages {
+    /// No messages and no progress on stderr
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Options that override the platform file.
+#[derive(Debug, Args)]
+pub(super) struct Common {
+    /// The JSON document on stdout, nothing else there
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub messages: Messages,
+    /// Seed of the search's random streams
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub seed: Option<u64>,
+    /// What is asked for
+    #[arg(long, value_name = "MODE", help_heading = "Override the platform file",
+          value_parser = modes())]
+    pub mode: Option<Mode>,
+    /// What makes one schedule better than another
+    #[arg(long, value_name = "NAME", help_heading = "Override the platform file",
+          value_parser = criteria())]
+    pub criterion: Option<CriterionKind>,
+    /// Duration of the test, moves and settles included, for a search
+    #[arg(
+        long,
+        value_name = "S",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub total_time_s: Option<f64>,
+    /// Most positions of a schedule
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub max_positions: Option<usize>,
+    /// Threads to compute with [default: all cores]
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub threads: Option<usize>,
+    /// Stop a search after this time; the best schedule so far is the result
+    #[arg(
+        long,
+        value_name = "S",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub time_limit_s: Option<f64>,
+}
+
+/// `search`.
+#[derive(Debug, Args)]
+pub(super) struct SearchArgs {
+    /// Platform file; without one, the built-in platform (see `init`)
+    #[arg(value_name = "PLATFORM.toml")]
+    pub platform: Option<PathBuf>,
+    /// Directory to write schedule.json, schedule.csv and result.json to
+    #[arg(short, long, value_name = "DIR", default_value = "scheme-opt-out")]
+    pub output: PathBuf,
+    /// How many starts the search makes
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub starts: Option<usize>,
+    /// Leave out wall time and number of threads, so that equal inputs give equal files
+    #[arg(long)]
+    pub reproducible: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `evaluate`.
+#[derive(Debug, Args)]
+pub(super) struct EvaluateArgs {
+    /// Schedule to score, JSON or CSV
+    #[arg(short, long, value_name = "FILE")]
+    pub schedule: PathBuf,
+    /// Platform file; without one, the built-in platform
+    #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `init`.
+#[derive(Debug, Args)]
+pub(super) struct InitArgs {
+    /// File to write; `-` for stdout
+    #[arg(value_name = "FILE", default_value = "platform.toml")]
+    pub file: PathBuf,
+    /// Overwrite the file if it exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub messages: Messages,
+}
+
+/// `standard`.
+#[derive(Debug, Args)]
+pub(super) struct StandardArgs {
+    /// Scheme to write; without one, all are listed
+    #[arg(value_name = "NAME")]
+    pub name: Option<String>,
+    /// Platform file; without one, the built-in platform
+    #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
+    /// Duration of the test, moves and settles included [default: the platform file's]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub total_time_s: Option<f64>,
+    /// File to write the schedule to [default: stdout]
+    #[arg(short, long, value_name = "FILE", requires = "name")]
+    pub output: Option<PathBuf>,
+    /// Format of the schedule [default: by the extension of the file, else json]
+    #[arg(long, value_enum, value_name = "FORMAT", requires = "name")]
+    pub format: Option<Format>,
+    /// The list as JSON too
+    #[arg(long, conflicts_with = "format")]
+    pub json: bool,
+    #[command(flatten)]
+    pub messages: Messages,
+}
+
+/// Formats of a schedule file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    /// JSON document
+    Json,
+    /// Comma-separated values
+    Csv,
+}
+
+fn modes() -> impl TypedValueParser<Value = Mode> {
+    PossibleValuesParser::new(Mode::ALL.map(Mode::name)).try_map(|name| Mode::from_name(&name))
+}
+
+fn criteria() -> impl TypedValueParser<Value = CriterionKind> {
+    PossibleValuesParser::new(CriterionKind::ALL.map(CriterionKind::name))
+        .try_map(|name| CriterionKind::from_name(&name))
+}

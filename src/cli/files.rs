@@ -1,0 +1,197 @@
+//! Output files: tried before the long run, written completely or not at all.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::error::{Error, Result};
+
+/// Files that are going to be written into one directory.
+///
+/// The directory and temporary files in it exist from the start, so that an output that cannot
+/// be written is reported before the work and not after it. Dropped without
+/// [`OutputFiles::commit`], it leaves nothing behind.
+pub(super) struct OutputFiles {
+    files: Vec<(PathBuf, NamedTempFile)>,
+    litter: Litter,
+}
+
+/// What to remove when nothing was written.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Litter {
+    files: Vec<PathBuf>,
+    /// Directories made by this run, innermost first.
+    directories: Vec<PathBuf>,
+}
+
+impl Litter {
+    /// Removes temporary files, and the directories that were made if they are empty.
+    pub(super) fn remove(&self) {
+        for file in &self.files {
+            // A file already renamed to its place is no litter, and not there any more.
+            let _ = std::fs::remove_file(file);
+        }
+        for directory in &self.directories {
+            let _ = std::fs::remove_dir(directory);
+        }
+    }
+}
+
+impl OutputFiles {
+    /// Makes `directory` if need be, and temporary files for `names` in it.
+    pub(super) fn prepare(directory: &Path, names: &[&str]) -> Result<Self> {
+        // Field order matters: dropped half-made, the files go before their directories.
+        let mut outputs = Self {
+            files: Vec::with_capacity(names.len()),
+            litter: Litter {
+                files: Vec::new(),
+                directories: missing_directories(directory),
+            },
+        };
+        std::fs::create_dir_all(directory)
+            .map_err(|e| Error::io("create the output directory", directory, &e))?;
+        for name in names {
+            let target = directory.join(name);
+            if target.is_dir() {
+                return Err(
+                    Error::input("a directory is in the place of the output file")
+                        .with_file(target),
+                );
+            }
+            let file = temporary_in(directory)
+                .map_err(|e| Error::io("write into the output directory", directory, &e))?;
+            outputs.litter.files.push(file.path().to_owned());
+            outputs.files.push((target, file));
+        }
+        Ok(outputs)
+    }
+
+    /// What to remove if the process has to end at once.
+    pub(super) fn litter(&self) -> Litter {
+        self.litter.clone()
+    }
+
+    /// Writes the `contents`, one for each name; only when all are on the disk does the first
+    /// take its place. Gives the paths.
+    pub(super) fn commit(mut self, contents: &[String]) -> Result<Vec<PathBuf>> {
+        for ((target, file), content) in self.files.iter_mut().zip(contents) {
+            fill(file, content).map_err(|e| Error::io("write the file", target, &e))?;
+        }
+        let mut written = Vec::with_capacity(contents.len());
+        for (target, file) in self.files.drain(..) {
+            file.persist(&target)
+                .map_err(|e| Error::io("write the file", &target, &e.error))?;
+            written.push(target);
+        }
+        Ok(written)
+    }
+}
+
+impl Drop for OutputFiles {
+    fn drop(&mut self) {
+        self.files.clear();
+        self.litter.remove();
+    }
+}
+
+/// Writes one file, completely or not at all. An existing file is an error unless `overwrite`;
+/// devices and pipes are written to as they are.
+pub(super) fn write_file(path: &Path, content: &str, overwrite: bool) -> Result<()> {
+    let failed = |e: &std::io::Error| Error::io("write the file", path, e);
+    if path.exists() && !path.is_file() && !path.is_dir() {
+        return std::fs::write(path, content).map_err(|e| failed(&e));
+    }
+    let directory = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    let mut file = temporary_in(directory).map_err(|e| failed(&e))?;
+    fill(&mut file, content).map_err(|e| failed(&e))?;
+    let persisted = if overwrite {
+        file.persist(path)
+    } else {
+        file.persist_noclobber(path)
+    };
+    persisted.map(drop).map_err(|e| failed(&e.error))
+}
+
+fn fill(file: &mut NamedTempFile, content: &str) -> std::io::Result<()> {
+    file.write_all(content.as_bytes())?;
+    file.as_file().sync_all()
+}
+
+/// A temporary file with the permissions that any new file gets.
+fn temporary_in(directory: &Path) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".scheme-opt-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // The umask takes away from it.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(directory)
+}
+
+/// The directories on the way to `directory` that do not exist yet, innermost first.
+fn missing_directories(directory: &Path) -> Vec<PathBuf> {
+    directory
+        .ancestors()
+        .take_while(|d| *d != Path::new("") && !d.exists())
+        .map(Path::to_owned)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn abandoned_outputs_leave_nothing_behind() {
+        let root = tempfile::tempdir().unwrap();
+        let directory = root.path().join("a/b");
+        let outputs = OutputFiles::prepare(&directory, &["x", "y"]).unwrap();
+        assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 2);
+        drop(outputs);
+        assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn committed_outputs_replace_what_was_there() {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::write(root.path().join("x"), "old").unwrap();
+        let outputs = OutputFiles::prepare(root.path(), &["x", "y"]).unwrap();
+        let litter = outputs.litter();
+        assert_eq!(
+            std::fs::read_to_string(root.path().join("x")).unwrap(),
+            "old"
+        );
+        outputs.commit(&["1".to_owned(), "2".to_owned()]).unwrap();
+        litter.remove();
+        assert_eq!(std::fs::read_to_string(root.path().join("x")).unwrap(), "1");
+        assert_eq!(std::fs::read_to_string(root.path().join("y")).unwrap(), "2");
+        assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn obstacles_are_reported_before_the_work() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        assert!(OutputFiles::prepare(&file, &["x"]).is_err_and(|e| e.is_io()));
+        std::fs::create_dir(root.path().join("x")).unwrap();
+        assert!(OutputFiles::prepare(root.path(), &["x"]).is_err_and(|e| e.is_input()));
+    }
+
+    #[test]
+    fn an_existing_file_is_kept_unless_told_otherwise() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("file");
+        write_file(&path, "1", false).unwrap();
+        assert!(write_file(&path, "2", false).is_err_and(|e| e.is_io()));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "1");
+        write_file(&path, "2", true).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "2");
+    }
+}

@@ -1,0 +1,124 @@
+//! From a platform file and options to a checked study.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::results::Inputs;
+use crate::study::{Study, StudySource};
+
+use super::args::Common;
+
+/// A value of the study that an option may replace.
+struct Override {
+    /// Dotted key of the study.
+    key: &'static str,
+    /// Option that replaces it.
+    option: &'static str,
+    /// Whether the option was given.
+    given: bool,
+}
+
+/// Puts the value of an option, if it was given, into its place in the study.
+fn put<T>(slot: &mut T, value: Option<T>, key: &'static str, option: &'static str) -> Override {
+    let given = value.is_some();
+    if let Some(value) = value {
+        *slot = value;
+    }
+    Override { key, option, given }
+}
+
+/// The study of `platform` (none: the built-in one) with the options in their place.
+///
+/// `starts` is the option of that name, which only a search has.
+pub(super) fn load(
+    platform: Option<&Path>,
+    common: &Common,
+    starts: Option<usize>,
+) -> Result<(Study, Inputs)> {
+    let mut source = source(platform)?;
+    let (objective, search) = (&mut source.config.objective, &mut source.config.search);
+    let overrides = [
+        put(&mut objective.mode, common.mode, "objective.mode", "--mode"),
+        put(
+            &mut objective.criterion,
+            common.criterion,
+            "objective.criterion",
+            "--criterion",
+        ),
+        put(
+            &mut objective.total_time_s,
+            common.total_time_s,
+            "objective.total_time_s",
+            "--total-time-s",
+        ),
+        put(
+            &mut search.max_positions,
+            common.max_positions,
+            "search.max_positions",
+            "--max-positions",
+        ),
+        put(&mut search.seed, common.seed, "search.seed", "--seed"),
+        put(&mut search.starts, starts, "search.starts", "--starts"),
+        put(
+            &mut search.threads,
+            common.threads.map(Some),
+            "search.threads",
+            "--threads",
+        ),
+        put(
+            &mut search.time_limit_s,
+            common.time_limit_s.map(Some),
+            "search.time_limit_s",
+            "--time-limit-s",
+        ),
+    ];
+    checked(source, &overrides)
+}
+
+/// The study of `platform` with another total time.
+pub(super) fn load_with_total_time(
+    platform: Option<&Path>,
+    total_time_s: Option<f64>,
+) -> Result<Study> {
+    let mut source = source(platform)?;
+    let total_time = put(
+        &mut source.config.objective.total_time_s,
+        total_time_s,
+        "objective.total_time_s",
+        "--total-time-s",
+    );
+    checked(source, &[total_time]).map(|(study, _)| study)
+}
+
+fn source(platform: Option<&Path>) -> Result<StudySource> {
+    match platform {
+        Some(path) => StudySource::read(path),
+        None => Ok(StudySource::embedded_default()),
+    }
+}
+
+fn checked(mut source: StudySource, overrides: &[Override]) -> Result<(Study, Inputs)> {
+    for o in overrides.iter().filter(|o| o.given) {
+        source.override_key(o.key);
+    }
+    let study = source.check().map_err(|e| name_option(e, overrides))?;
+    let inputs = Inputs {
+        config: study.config().clone(),
+        defaulted: source.defaulted().to_vec(),
+    };
+    Ok((study, inputs))
+}
+
+/// Says which option a refused number came from.
+fn name_option(error: Error, overrides: &[Override]) -> Error {
+    let culprit = overrides
+        .iter()
+        .find(|o| o.given && error.key() == Some(o.key));
+    match culprit {
+        // These two already carry advice: they are names, refused for what else is missing.
+        Some(o) if !matches!(o.option, "--mode" | "--criterion") => {
+            error.with_hint(format!("the value is that of the option {}", o.option))
+        }
+        _ => error,
+    }
+}

@@ -1,0 +1,195 @@
+//! Reports for people, as text.
+
+use crate::motion::Timeline;
+use crate::platform::Platform;
+use crate::results::{EvaluationDocument, ResultDocument};
+
+use super::table;
+
+/// The longest line of running text.
+const WIDTH: usize = 80;
+
+/// What a search found.
+pub(super) fn search(
+    document: &ResultDocument,
+    platform: &Platform,
+    timeline: &Timeline,
+    files: &[String],
+) -> String {
+    let found = &document.evaluation;
+    let mut text = verdict(document);
+    if document.status != "converged" {
+        text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
+    }
+    text.push_str("\nSchedule\n\n");
+    text.push_str(&table::schedule(platform, timeline));
+    text.push_str("\nCoefficients after the test, 1 sigma\n\n");
+    text.push_str(&table::coefficients(found));
+    text.push('\n');
+    text.push_str(&observability(found));
+    text.push_str("\nBeside the standard schemes in the same time\n\n");
+    text.push_str(&table::baselines(found, &document.baselines));
+    for skipped in &document.baselines_skipped {
+        text.push_str(&wrap(&format!(
+            "{}: not run, {}",
+            skipped.name, skipped.reason
+        )));
+    }
+    text.push('\n');
+    text.push_str(&work(document));
+    text.push_str(&format!("\nWritten: {}\n", files.join("\n         ")));
+    text
+}
+
+/// The result in one line.
+fn verdict(document: &ResultDocument) -> String {
+    let found = &document.evaluation;
+    let positions = found.schedule.positions.len();
+    let comparison = document.best_baseline().map_or_else(String::new, |best| {
+        let ratio = best.ratio.unwrap_or(f64::INFINITY);
+        let (factor, word) = match ratio >= 1.0 {
+            true => (ratio, "better"),
+            false => (1.0 / ratio, "worse"),
+        };
+        format!(
+            ": {factor:.2} times {word} than the best standard scheme ({})",
+            best.name
+        )
+    });
+    format!(
+        "RMS sigma {} deg/h in {} s with {positions} position{}{comparison}\n",
+        table::number(found.rms_sigma_deg_per_h),
+        table::seconds(found.total_time_s),
+        if positions == 1 { "" } else { "s" },
+    )
+}
+
+/// Status and work done.
+fn work(document: &ResultDocument) -> String {
+    let c = &document.counters;
+    let time = document
+        .wall_time_s
+        .map_or_else(String::new, |s| format!(" in {s:.1} s"));
+    wrap(&format!(
+        "{}: {} starts, {} values, {} gradients{time}; seed {}; two computations of every sigma \
+         agree to {:.0e}.",
+        document.status,
+        c.starts,
+        c.evaluations,
+        c.gradients,
+        document.seed,
+        document.evaluation.agreement,
+    ))
+}
+
+/// What is known of a given schedule.
+pub(super) fn evaluation(
+    document: &EvaluationDocument,
+    platform: &Platform,
+    timeline: &Timeline,
+) -> String {
+    let mut text = totals(document);
+    text.push_str("\nSchedule\n\n");
+    text.push_str(&table::schedule(platform, timeline));
+    text.push_str("\nCoefficients after the test, 1 sigma\n\n");
+    text.push_str(&table::coefficients(document));
+    text.push('\n');
+    text.push_str(&table::misalignment(document));
+    text.push('\n');
+    text.push_str(&observability(document));
+    text
+}
+
+fn totals(document: &EvaluationDocument) -> String {
+    let number = table::number;
+    let score = &document.score;
+    let missing = || "none".to_owned();
+    format!(
+        "RMS sigma          {} deg/h\n\
+         largest sigma      {} deg/h\n\
+         worst combination  {} deg/h\n\
+         ln det P_D         {} (P_D in (deg/h)^2)\n\
+         criterion {:<9}{} {}\n\
+         score              {}\n\
+         total time         {} s, of which {} s moves and settles\n\
+         agreement          {:.0e} between two computations of every sigma\n",
+        number(document.rms_sigma_deg_per_h),
+        number(document.max_sigma_deg_per_h),
+        number(document.max_eig_sigma_deg_per_h),
+        document.logdet_deg_per_h.map_or_else(missing, number),
+        score.criterion_name,
+        number(score.criterion),
+        score.criterion_unit,
+        score.value.map_or_else(missing, number),
+        table::seconds(document.total_time_s),
+        table::seconds(document.overhead_s),
+        document.agreement,
+    )
+}
+
+/// What the schedule can and cannot tell apart, in words.
+fn observability(document: &EvaluationDocument) -> String {
+    let o = &document.observability;
+    if o.unobservable.is_empty() {
+        let weakest = document
+            .coefficients
+            .iter()
+            .min_by(|a, b| a.separability.total_cmp(&b.separability));
+        let condition = o.condition_number.map_or_else(String::new, |c| {
+            format!(", condition number {}", table::number(c))
+        });
+        let weakest = weakest.map_or_else(String::new, |c| {
+            format!(
+                "; hardest to tell from the others: {} (separability {:.4})",
+                c.name.name(),
+                c.separability
+            )
+        });
+        return wrap(&format!(
+            "All {} unknowns are observable{condition}{weakest}.",
+            o.unknowns
+        ));
+    }
+    wrap(&format!(
+        "{} of {} unknowns are observable. What the measurements cannot tell: {}. Of such a \
+         combination only the prior is known.",
+        o.rank,
+        o.unknowns,
+        o.unobservable.join("; ")
+    ))
+}
+
+/// Breaks running text into lines.
+fn wrap(text: &str) -> String {
+    let mut lines = String::new();
+    let mut width = 0;
+    for word in text.split_whitespace() {
+        let length = word.chars().count();
+        if width > 0 && width + 1 + length > WIDTH {
+            lines.push('\n');
+            width = 0;
+        } else if width > 0 {
+            lines.push(' ');
+            width += 1;
+        }
+        lines.push_str(word);
+        width += length;
+    }
+    lines.push('\n');
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_text_is_broken_into_lines() {
+        let text = wrap(&"seventeen letters ".repeat(30));
+        assert!(
+            text.lines()
+                .all(|line| line.len() <= WIDTH && !line.ends_with(' '))
+        );
+        assert_eq!(text.split_whitespace().count(), 60);
+    }
+}

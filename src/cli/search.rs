@@ -1,0 +1,156 @@
+//! `search`: finds and writes the recommended schedule.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::baseline::baselines;
+use crate::error::{Error, Result};
+use crate::evaluate::Evaluator;
+use crate::motion::Timeline;
+use crate::results::{Inputs, ResultDocument};
+use crate::schedule::file::{to_csv, to_json};
+use crate::search::{Control, SearchOutcome, Status, search};
+use crate::study::{Mode, Study};
+
+use super::Exit;
+use super::args::SearchArgs;
+use super::files::{Litter, OutputFiles};
+use super::output::Output;
+use super::progress::ProgressDisplay;
+use super::{inputs, report};
+
+/// What is written into the output directory.
+const FILES: [&str; 3] = ["schedule.json", "schedule.csv", "result.json"];
+
+/// Runs the command.
+pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
+    let started = Instant::now();
+    let platform = args.platform.as_deref();
+    let (study, inputs) = inputs::load(platform, &args.common, args.starts)?;
+    let in_file = |e| name_file(e, args);
+    check_mode(&study).map_err(in_file)?;
+    let evaluator = study.evaluator();
+    let files = OutputFiles::prepare(&args.output, &FILES)?;
+    let outcome = run_search(&study, &evaluator, files.litter(), output).map_err(in_file)?;
+    let wall_time_s = (!args.reproducible).then(|| started.elapsed().as_secs_f64());
+    let document = document(&study, &evaluator, &outcome, wall_time_s, inputs);
+    let json = document.to_json()?;
+    let contents = [
+        to_json(&outcome.schedule),
+        to_csv(&outcome.schedule),
+        json.clone(),
+    ];
+    let written: Vec<String> = files
+        .commit(&contents)?
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    if args.common.json {
+        output.message(&format!("written: {}", written.join(", ")));
+        output.data(&json)?;
+    } else {
+        let timeline = Timeline::new(study.platform(), &outcome.schedule)?;
+        let text = report::search(&document, study.platform(), &timeline, &written);
+        output.data(&text)?;
+    }
+    Ok(match outcome.status {
+        Status::Converged | Status::TimeLimit => Exit::Done,
+        Status::Infeasible => Exit::NoSchedule,
+        Status::Interrupted => Exit::Interrupted,
+    })
+}
+
+/// Says which file a refused value is in, unless an option replaced it.
+fn name_file(error: Error, args: &SearchArgs) -> Error {
+    let overridden = error.key() == Some("objective.mode") && args.common.mode.is_some();
+    match &args.platform {
+        Some(path) if error.is_input() && error.key().is_some() && !overridden => {
+            error.with_file(path)
+        }
+        _ => error,
+    }
+}
+
+/// Refuses what this version does not plan for.
+fn check_mode(study: &Study) -> Result<()> {
+    let mode = study.objective().mode;
+    if mode != Mode::Accuracy {
+        return Err(
+            Error::input("`search` plans in mode \"accuracy\" in this version")
+                .with_key("objective.mode")
+                .with_value(format!("\"{}\"", mode.name()))
+                .with_allowed("\"accuracy\""),
+        );
+    }
+    Ok(())
+}
+
+/// The search on its own threads, watched and stoppable.
+fn run_search(
+    study: &Study,
+    evaluator: &Evaluator,
+    litter: Litter,
+    output: Output,
+) -> Result<SearchOutcome> {
+    let threads = study.search().threads.unwrap_or(0);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| {
+            Error::input(format!("cannot start the threads: {e}"))
+                .with_key("search.threads")
+                .with_value(threads)
+        })?;
+    let cancel = Arc::new(AtomicBool::new(false));
+    cancel_on_signal(Arc::clone(&cancel), litter, output);
+    let display = ProgressDisplay::new(output);
+    let report = |p: &_| display.report(p);
+    let deadline = study.search().time_limit_s.and_then(deadline_after);
+    let control = Control::new(&cancel, &report).with_deadline(deadline);
+    let outcome = pool.install(|| search(evaluator, &study.search_problem(), &control));
+    display.finish();
+    outcome
+}
+
+/// The moment that lies so far ahead; none: beyond what the clock can hold.
+fn deadline_after(limit_s: f64) -> Option<Instant> {
+    let limit = Duration::try_from_secs_f64(limit_s).ok()?;
+    Instant::now().checked_add(limit)
+}
+
+/// The first signal asks the search for its best so far, the second ends the process.
+fn cancel_on_signal(cancel: Arc<AtomicBool>, litter: Litter, output: Output) {
+    let installed = ctrlc::set_handler(move || {
+        if cancel.swap(true, Ordering::SeqCst) {
+            litter.remove();
+            std::process::exit(i32::from(Exit::Interrupted.code()));
+        }
+        output.message("interrupted: writing the best schedule so far; once more to stop at once");
+    });
+    if let Err(e) = installed {
+        output.message(&format!("note: an interruption will lose the search: {e}"));
+    }
+}
+
+fn document(
+    study: &Study,
+    evaluator: &Evaluator,
+    outcome: &SearchOutcome,
+    wall_time_s: Option<f64>,
+    mut inputs: Inputs,
+) -> ResultDocument {
+    if wall_time_s.is_none() {
+        // Reproducible: the number of threads has no part in the result.
+        inputs.config.search.threads = None;
+    }
+    let baselines = baselines(evaluator, study.objective().total_time_s);
+    ResultDocument::new(
+        outcome,
+        &baselines,
+        evaluator.objective(),
+        study.search().seed,
+        wall_time_s,
+        &inputs,
+    )
+}

@@ -1,0 +1,83 @@
+//! `standard`: lists the built-in schemes, or writes one.
+
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::results::TOOL_VERSION;
+use crate::schedule::file::{to_csv, to_json};
+use crate::schedule::standard::StandardScheme;
+
+use super::Exit;
+use super::args::{Format, StandardArgs};
+use super::files::write_file;
+use super::output::Output;
+use super::{inputs, table};
+
+/// Runs the command.
+pub(super) fn run(args: &StandardArgs, output: Output) -> Result<Exit> {
+    match &args.name {
+        Some(name) => write(name, args, output)?,
+        None if args.json => output.data(&list_as_json()?)?,
+        None => output.data(&table::schemes())?,
+    }
+    Ok(Exit::Done)
+}
+
+fn write(name: &str, args: &StandardArgs, output: Output) -> Result<()> {
+    let scheme = StandardScheme::from_name(name)?;
+    let study = inputs::load_with_total_time(args.platform.as_deref(), args.total_time_s)?;
+    let schedule = scheme.schedule(study.objective().total_time_s, study.platform())?;
+    let text = match format(args) {
+        Format::Json => to_json(&schedule),
+        Format::Csv => to_csv(&schedule),
+    };
+    let Some(path) = &args.output else {
+        return output.data(&text);
+    };
+    write_file(path, &text, true)?;
+    output.message(&format!("written: {}", path.display()));
+    Ok(())
+}
+
+/// As asked for, else by the extension of the file, else JSON.
+fn format(args: &StandardArgs) -> Format {
+    let extension = args.output.as_ref().and_then(|path| path.extension());
+    match (args.format, extension) {
+        (Some(format), _) => format,
+        (None, Some(extension)) if extension.eq_ignore_ascii_case("csv") && !args.json => {
+            Format::Csv
+        }
+        _ => Format::Json,
+    }
+}
+
+/// The list as a document.
+#[derive(Serialize)]
+struct SchemeList {
+    schema: &'static str,
+    tool_version: &'static str,
+    schemes: Vec<SchemeRecord>,
+}
+
+#[derive(Serialize)]
+struct SchemeRecord {
+    name: &'static str,
+    positions: usize,
+    description: &'static str,
+}
+
+fn list_as_json() -> Result<String> {
+    let record = |scheme: StandardScheme| SchemeRecord {
+        name: scheme.name(),
+        positions: scheme.positions().len(),
+        description: scheme.description(),
+    };
+    let list = SchemeList {
+        schema: "scheme-opt/standard/1",
+        tool_version: TOOL_VERSION,
+        schemes: StandardScheme::ALL.into_iter().map(record).collect(),
+    };
+    serde_json::to_string_pretty(&list)
+        .map(|text| text + "\n")
+        .map_err(|e| Error::numerical(format!("the list cannot be written as JSON: {e}")))
+}

@@ -1,0 +1,272 @@
+//! Tables and numbers for people, at most 80 columns wide.
+
+use comfy_table::presets::ASCII_MARKDOWN;
+use comfy_table::{CellAlignment, ContentArrangement, Table};
+
+use crate::motion::{Leg, Timeline};
+use crate::platform::{Platform, Repositioning};
+use crate::results::{BaselineRecord, EvaluationDocument};
+use crate::schedule::standard::StandardScheme;
+
+/// The widest table, columns.
+const WIDTH: u16 = 80;
+
+/// A number with four significant digits.
+pub(super) fn number(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let exponent = value.abs().log10().floor();
+    if (-5.0..6.0).contains(&exponent) {
+        let decimals = (3.0 - exponent).max(0.0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+/// A duration in seconds: whole, or to the tenth.
+pub(super) fn seconds(value: f64) -> String {
+    if (value - value.round()).abs() < 0.05 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.1}")
+    }
+}
+
+/// A value that may be missing.
+fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
+    value.map_or_else(|| "-".to_owned(), show)
+}
+
+/// How a column is aligned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Align {
+    Left,
+    Right,
+}
+use Align::{Left, Right};
+
+/// A table of these columns; ends with a line break.
+fn render<const N: usize>(columns: [(&str, Align); N], rows: Vec<[String; N]>) -> String {
+    let mut table = Table::new();
+    table
+        .load_style(ASCII_MARKDOWN)
+        .force_no_tty()
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(WIDTH);
+    table.set_header(columns.map(|(name, _)| name));
+    table.add_rows(rows);
+    for (i, (_, align)) in columns.iter().enumerate() {
+        if let Some(column) = table.column_mut(i)
+            && *align == Right
+        {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let mut text = table.trim_fmt();
+    text.push('\n');
+    text
+}
+
+/// The schedule as it is executed on `platform`.
+pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
+    let rows = timeline
+        .legs()
+        .iter()
+        .enumerate()
+        .map(|(i, leg)| {
+            let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
+            let dwell = seconds(leg.dwell_s);
+            [
+                (i + 1).to_string(),
+                alpha,
+                beta,
+                gamma,
+                dwell,
+                reached_by(platform, leg),
+            ]
+        })
+        .collect();
+    let columns = [
+        ("#", Right),
+        ("alpha, deg", Right),
+        ("beta, deg", Right),
+        ("gamma, deg", Right),
+        ("dwell, s", Right),
+        ("reached by", Left),
+    ];
+    render(columns, rows)
+}
+
+/// How a position is reached, in a few words.
+fn reached_by(platform: &Platform, leg: &Leg) -> String {
+    let Some(arrival) = &leg.arrival else {
+        return "start".to_owned();
+    };
+    let mut text = match platform.motion().repositioning {
+        Repositioning::FrameHold => "frame-hold".to_owned(),
+        Repositioning::Slew => format!("slew {} s", seconds(arrival.duration_s)),
+    };
+    if arrival.measured {
+        text.push_str(" measured");
+    }
+    if leg.settle_s > 0.0 {
+        text.push_str(&format!(" + {} s", seconds(leg.settle_s)));
+    }
+    text
+}
+
+/// What the test tells about each coefficient.
+pub(super) fn coefficients(document: &EvaluationDocument) -> String {
+    let has_spec = document
+        .coefficients
+        .iter()
+        .any(|c| c.spec_deg_per_h.is_some());
+    let table = if has_spec {
+        coefficients_with_specification(document)
+    } else {
+        coefficients_alone(document)
+    };
+    format!("{table}D_I, D_O and D_S: deg/h per g.\n")
+}
+
+fn coefficients_alone(document: &EvaluationDocument) -> String {
+    let rows = document.coefficients.iter().map(|c| {
+        [
+            c.name.name().to_owned(),
+            number(c.prior_sigma_deg_per_h),
+            number(c.sigma_deg_per_h),
+            optional(c.observability_order, |o| o.to_string()),
+            format!("{:.4}", c.separability),
+        ]
+    });
+    let columns = [
+        ("coefficient", Left),
+        ("prior, deg/h", Right),
+        ("sigma, deg/h", Right),
+        ("order", Right),
+        ("separability", Right),
+    ];
+    render(columns, rows.collect())
+}
+
+fn coefficients_with_specification(document: &EvaluationDocument) -> String {
+    let rows = document.coefficients.iter().map(|c| {
+        [
+            c.name.name().to_owned(),
+            number(c.prior_sigma_deg_per_h),
+            number(c.sigma_deg_per_h),
+            optional(c.observability_order, |o| o.to_string()),
+            format!("{:.4}", c.separability),
+            optional(c.spec_deg_per_h, number),
+            match (c.spec_deg_per_h, c.time_to_spec_s) {
+                (Some(_), None) => "missed".to_owned(),
+                (_, time) => optional(time, seconds),
+            },
+        ]
+    });
+    let columns = [
+        ("name", Left),
+        ("prior, deg/h", Right),
+        ("sigma, deg/h", Right),
+        ("order", Right),
+        ("separab.", Right),
+        ("spec, deg/h", Right),
+        ("met at, s", Right),
+    ];
+    render(columns, rows.collect())
+}
+
+/// How well the platform's alignment is known at the end.
+pub(super) fn misalignment(document: &EvaluationDocument) -> String {
+    let rows = document
+        .misalignment
+        .iter()
+        .zip(["North", "Up", "East"])
+        .map(|(m, axis)| [m.name.clone(), axis.to_owned(), number(m.sigma_arcsec)]);
+    let columns = [
+        ("misalignment", Left),
+        ("about", Left),
+        ("sigma, arcsec", Right),
+    ];
+    render(columns, rows.collect())
+}
+
+/// The standard schemes beside the schedule found; the criterion too where it is not the RMS.
+pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]) -> String {
+    let this = BaselineRecord {
+        name: "this schedule".to_owned(),
+        positions: found.schedule.positions.len(),
+        rms_sigma_deg_per_h: found.rms_sigma_deg_per_h,
+        ratio: Some(1.0),
+        criterion: found.score.criterion,
+        criterion_ratio: Some(1.0),
+    };
+    let ratio = |value| optional(value, |r: f64| format!("{r:.2}"));
+    let row = |b: &BaselineRecord| {
+        [
+            b.name.clone(),
+            b.positions.to_string(),
+            number(b.rms_sigma_deg_per_h),
+            ratio(b.ratio),
+            number(b.criterion),
+            ratio(b.criterion_ratio),
+        ]
+    };
+    let rows = std::iter::once(&this).chain(baselines).map(row);
+    let score = &found.score;
+    let criterion = format!("{}, {}", score.criterion_name, score.criterion_unit);
+    let columns = [
+        ("scheme", Left),
+        ("positions", Right),
+        ("RMS sigma, deg/h", Right),
+        ("ratio", Right),
+        (criterion.as_str(), Right),
+        ("ratio", Right),
+    ];
+    if score.criterion_name == "a" {
+        let [scheme, positions, rms, rms_ratio, ..] = columns;
+        let rows = rows.map(|[a, b, c, d, ..]| [a, b, c, d]);
+        return render([scheme, positions, rms, rms_ratio], rows.collect());
+    }
+    render(columns, rows.collect())
+}
+
+/// The built-in schemes.
+pub(super) fn schemes() -> String {
+    let rows = StandardScheme::ALL.map(|s| {
+        [
+            s.name().to_owned(),
+            s.positions().len().to_string(),
+            s.description().to_owned(),
+        ]
+    });
+    let columns = [("name", Left), ("positions", Right), ("description", Left)];
+    render(columns, rows.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits() {
+        for (value, text) in [
+            (0.000_905_34, "0.0009053"),
+            (15.0, "15.00"),
+            (12_000.0, "12000"),
+            (1.0e-7, "1.000e-7"),
+            (0.0, "0"),
+            (f64::INFINITY, "-"),
+            (-3.5, "-3.500"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+        assert_eq!(seconds(120.0), "120");
+        assert_eq!(seconds(119.26), "119.3");
+    }
+}

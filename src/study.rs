@@ -1,0 +1,345 @@
+//! The study: platform and task as a person writes them, checked into what is computed with.
+//!
+//! A platform file (TOML) is read by [`StudySource`], which knows where each value came from;
+//! its [`StudyConfig`] holds the values with units in their names, defaults filled in, and is
+//! what result documents embed; [`StudyConfig::check`] tests every value and gives the
+//! [`Study`].
+//!
+//! ```
+//! use scheme_opt::study::StudySource;
+//! let mut source = StudySource::parse("[site]\nlatitude_deg = 47.3\n", None)?;
+//! // A command line option takes precedence over the file.
+//! source.config.objective.total_time_s = 6000.0;
+//! source.override_key("objective.total_time_s");
+//! let study = source.check()?;
+//! assert_eq!(study.objective().total_time_s, 6000.0);
+//! assert!(source.defaulted().iter().any(|key| key == "filter.period_s"));
+//! # Ok::<(), scheme_opt::Error>(())
+//! ```
+
+mod config;
+mod keys;
+mod source;
+mod task;
+
+pub use config::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig, SpecConfig};
+pub use source::{DEFAULT_TOML, StudySource};
+
+use serde::{Deserialize, Serialize};
+
+use crate::drift::CoefficientVector;
+use crate::error::{Error, Result};
+use crate::platform::{GyroConfig, Platform, PlatformConfig, in_range};
+
+/// A platform file: platform, objective and search, with units in the names.
+///
+/// The default is the embedded platform file: the seed paper's §3 at latitude 28.2°, 12 000 s.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StudyConfig {
+    /// The `[site]` … `[motion]` tables.
+    #[serde(flatten)]
+    pub platform: PlatformConfig,
+    /// What is to be achieved.
+    #[serde(default)]
+    pub objective: ObjectiveConfig,
+    /// How to search.
+    #[serde(default)]
+    pub search: SearchConfig,
+}
+
+impl Default for StudyConfig {
+    fn default() -> Self {
+        let mut config = Self {
+            platform: PlatformConfig::default(),
+            objective: ObjectiveConfig::default(),
+            search: SearchConfig::default(),
+        };
+        config.resolve();
+        config
+    }
+}
+
+impl StudyConfig {
+    /// Writes down the random drift that is assumed when neither of its forms is given, so that
+    /// the configuration says by itself what is computed with.
+    fn resolve(&mut self) {
+        let gyro = &mut self.platform.gyro;
+        if *gyro == GyroConfig::default() {
+            gyro.random_drift_deg_per_h = Some(crate::platform::DEFAULT_RANDOM_DRIFT_DEG_PER_H);
+        }
+    }
+
+    /// Checks every value, and the values against each other.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] naming the key, the value and what is allowed.
+    ///
+    /// ```
+    /// use scheme_opt::study::{CriterionKind, StudyConfig};
+    /// let mut config = StudyConfig::default();
+    /// config.objective.criterion = CriterionKind::MaxRatio;
+    /// let error = config.check().unwrap_err();
+    /// assert_eq!(error.key(), Some("objective.criterion"));
+    /// ```
+    pub fn check(&self) -> Result<Study> {
+        let platform = self.platform.check()?;
+        self.check_total_time(&platform)?;
+        self.objective.score.check()?;
+        let spec_deg_per_h = self.objective.spec_deg_per_h.check()?;
+        if spec_deg_per_h.is_none() {
+            self.check_works_without_spec()?;
+        }
+        self.search.check()?;
+        let mut config = self.clone();
+        config.resolve();
+        Ok(Study {
+            config,
+            platform,
+            spec_deg_per_h,
+        })
+    }
+
+    fn check_total_time(&self, platform: &Platform) -> Result<()> {
+        const KEY: &str = "objective.total_time_s";
+        let total_s = self.objective.total_time_s;
+        in_range(
+            KEY,
+            total_s,
+            f64::MIN_POSITIVE,
+            1e7,
+            "greater than 0, to 1e7",
+        )?;
+        for (least, least_s, what) in [
+            ("motion.min_dwell_s", platform.motion.min_dwell_s, "dwell"),
+            ("filter.period_s", platform.period_s, "filter period"),
+        ] {
+            if total_s < least_s {
+                return Err(Error::input(format!("shorter than one {what}"))
+                    .with_key(KEY)
+                    .with_value(total_s)
+                    .with_allowed(format!("at least {least} = {least_s}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_works_without_spec(&self) -> Result<()> {
+        let needs = |key: &str, value: &str| {
+            Err(Error::input("needs a specification")
+                .with_key(key)
+                .with_value(format!("\"{value}\""))
+                .with_allowed(format!(
+                    "\"{value}\" together with objective.spec_deg_per_h"
+                ))
+                .with_hint("give [objective.spec_deg_per_h] with, for example, default = 0.005"))
+        };
+        if self.objective.criterion == CriterionKind::MaxRatio {
+            return needs("objective.criterion", self.objective.criterion.name());
+        }
+        if self.objective.mode == Mode::Time {
+            return needs("objective.mode", self.objective.mode.name());
+        }
+        Ok(())
+    }
+}
+
+/// Platform and task with every value checked. Made by [`StudyConfig::check`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    config: StudyConfig,
+    platform: Platform,
+    spec_deg_per_h: Option<CoefficientVector>,
+}
+
+impl Study {
+    /// The configuration, as result documents embed it.
+    pub fn config(&self) -> &StudyConfig {
+        &self.config
+    }
+    /// The platform, in SI.
+    pub fn platform(&self) -> &Platform {
+        &self.platform
+    }
+    /// What is to be achieved.
+    pub fn objective(&self) -> &ObjectiveConfig {
+        &self.config.objective
+    }
+    /// How to search.
+    pub fn search(&self) -> &SearchConfig {
+        &self.config.search
+    }
+    /// The 1σ specification of each coefficient, °/h (per g), infinite for those without one;
+    /// `None` when nothing is specified.
+    pub fn spec_deg_per_h(&self) -> Option<&CoefficientVector> {
+        self.spec_deg_per_h.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drift::DriftCoefficient;
+    use crate::platform::{AxisValue, GSensitivePrior};
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn the_default_is_valid_and_says_its_random_drift() {
+        let study = StudyConfig::default().check().unwrap();
+        assert_eq!(
+            study.config().platform.gyro.random_drift_deg_per_h,
+            Some(0.01)
+        );
+        assert_eq!(study.spec_deg_per_h(), None);
+        assert_eq!(
+            study.platform(),
+            &PlatformConfig::default().check().unwrap()
+        );
+    }
+
+    #[test]
+    fn each_value_out_of_range_is_refused_by_key() {
+        type Spoil = fn(&mut StudyConfig);
+        let table: [(&str, Spoil); 24] = [
+            ("site.latitude_deg", |c| c.platform.site.latitude_deg = 91.0),
+            ("objective.total_time_s", |c| c.objective.total_time_s = 0.0),
+            ("objective.total_time_s", |c| {
+                c.objective.total_time_s = -1.0
+            }),
+            ("objective.total_time_s", |c| {
+                c.objective.total_time_s = 1.1e7
+            }),
+            ("objective.total_time_s", |c| {
+                c.objective.total_time_s = f64::NAN
+            }),
+            ("objective.total_time_s", |c| {
+                c.objective.total_time_s = 59.0
+            }),
+            ("objective.total_time_s", |c| {
+                c.platform.motion.min_dwell_s = 0.0;
+                c.objective.total_time_s = 9.0;
+            }),
+            ("objective.criterion", |c| {
+                c.objective.criterion = CriterionKind::MaxRatio;
+            }),
+            ("objective.mode", |c| c.objective.mode = Mode::Time),
+            ("objective.score.covariance_weight", |c| {
+                c.objective.score.covariance_weight = -1.0;
+            }),
+            ("objective.score.covariance_weight", |c| {
+                c.objective.score.covariance_weight = 0.0;
+            }),
+            ("objective.score.separability_weight", |c| {
+                c.objective.score.separability_weight = f64::INFINITY;
+            }),
+            ("objective.score.minimum_separability", |c| {
+                c.objective.score.minimum_separability = 1.5;
+            }),
+            ("objective.spec_deg_per_h.default", |c| {
+                c.objective.spec_deg_per_h = SpecConfig::all(0.0);
+            }),
+            ("objective.spec_deg_per_h.D_OY", |c| {
+                let spec = &mut c.objective.spec_deg_per_h;
+                spec.coefficients.insert(DriftCoefficient::OY, f64::NAN);
+            }),
+            ("search.max_positions", |c| c.search.max_positions = 0),
+            ("search.max_positions", |c| c.search.max_positions = 501),
+            ("search.starts", |c| c.search.starts = 0),
+            ("search.starts", |c| c.search.starts = 1_000_001),
+            ("search.position_tolerance", |c| {
+                c.search.position_tolerance = -0.1
+            }),
+            ("search.position_tolerance", |c| {
+                c.search.position_tolerance = f64::NAN
+            }),
+            ("search.threads", |c| c.search.threads = Some(0)),
+            ("search.time_limit_s", |c| c.search.time_limit_s = Some(0.0)),
+            ("search.time_limit_s", |c| {
+                c.search.time_limit_s = Some(f64::NAN)
+            }),
+        ];
+        for (key, spoil) in table {
+            let mut config = StudyConfig::default();
+            spoil(&mut config);
+            let error = config.check().unwrap_err();
+            assert!(error.is_input());
+            assert_eq!(error.key(), Some(key));
+            assert!(
+                error.value().is_some() && error.allowed().is_some(),
+                "{key}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_specification_makes_time_and_ratio_possible() {
+        let mut config = StudyConfig::default();
+        config.objective.mode = Mode::Time;
+        config.objective.criterion = CriterionKind::MaxRatio;
+        config.objective.spec_deg_per_h = SpecConfig::all(0.005);
+        let study = config.check().unwrap();
+        assert_eq!(study.spec_deg_per_h().unwrap()[11], 0.005);
+    }
+
+    /// A configuration with something at every key.
+    fn full() -> StudyConfig {
+        let mut c = StudyConfig::default();
+        c.platform.gyro.angle_random_walk_deg_per_sqrt_h = Some(1.0);
+        let one = AxisValue::All(1.0);
+        c.platform.prior.g_sensitive_drift_deg_per_h_per_g = GSensitivePrior::PerAxis {
+            input: one,
+            output: one,
+            spin: one,
+        };
+        let gimbals = &mut c.platform.gimbals;
+        gimbals.alpha_deg = Some([0.0, 1.0]);
+        gimbals.beta_deg = Some([0.0, 1.0]);
+        gimbals.gamma_deg = Some([0.0, 1.0]);
+        gimbals.step_deg = Some(1.0);
+        c.platform.motion.slew_rate_deg_per_s = Some(1.0);
+        c.objective.spec_deg_per_h = SpecConfig {
+            default: Some(1.0),
+            coefficients: DriftCoefficient::ALL.map(|c| (c, 1.0)).into(),
+        };
+        c.search.threads = Some(1);
+        c.search.time_limit_s = Some(1.0);
+        c
+    }
+
+    fn leaves(path: &str, value: &serde_json::Value, into: &mut BTreeSet<String>) {
+        match value {
+            serde_json::Value::Object(map) => {
+                for (key, value) in map {
+                    let path = if path.is_empty() {
+                        key.clone()
+                    } else {
+                        format!("{path}.{key}")
+                    };
+                    leaves(&path, value, into);
+                }
+            }
+            _ => {
+                into.insert(path.to_owned());
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_of_keys_is_what_a_configuration_holds() {
+        let mut found = BTreeSet::new();
+        let default = StudyConfig::default();
+        leaves("", &serde_json::to_value(full()).unwrap(), &mut found);
+        leaves("", &serde_json::to_value(&default).unwrap(), &mut found);
+        let known: BTreeSet<_> = keys::KNOWN.iter().map(|(k, _)| (*k).to_owned()).collect();
+        assert_eq!(found, known);
+        assert_eq!(known.len(), keys::KNOWN.len(), "a key is listed twice");
+    }
+
+    #[test]
+    fn a_configuration_reads_back_from_json() {
+        for config in [full(), StudyConfig::default()] {
+            let json = serde_json::to_string(&config).unwrap();
+            assert_eq!(serde_json::from_str::<StudyConfig>(&json).unwrap(), config);
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! The task as a person describes it: the `[objective]` and `[search]` tables of a platform file.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
+use serde::ser::{SerializeMap, Serializer};
+use serde::{Deserialize, Serialize};
+
+use crate::drift::{CoefficientVector, DriftCoefficient};
+use crate::error::{Error, Result};
+use crate::platform::in_range;
+use crate::schedule::text;
+
+/// What a search is to find.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// The best criterion in the total time.
+    #[default]
+    Accuracy,
+    /// The shortest total time in which every coefficient meets its specification.
+    Time,
+    /// The front between accuracy and time.
+    Pareto,
+}
+
+impl Mode {
+    /// All modes.
+    pub const ALL: [Self; 3] = [Self::Accuracy, Self::Time, Self::Pareto];
+
+    /// The name used in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Accuracy => "accuracy",
+            Self::Time => "time",
+            Self::Pareto => "pareto",
+        }
+    }
+
+    /// The mode of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] listing the names, with the nearest one as a hint.
+    pub fn from_name(name: &str) -> Result<Self> {
+        by_name("objective.mode", name, &Self::ALL.map(|m| (m.name(), m)))
+    }
+}
+
+/// What "accurate" means: which number of the coefficients' covariance P_D is minimised.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CriterionKind {
+    /// The root mean square of the σ of the coefficients.
+    #[default]
+    A,
+    /// The determinant of P_D.
+    D,
+    /// The largest eigenvalue of P_D.
+    E,
+    /// The largest ratio of a σ to its specification.
+    MaxRatio,
+}
+
+impl CriterionKind {
+    /// All criteria.
+    pub const ALL: [Self; 4] = [Self::A, Self::D, Self::E, Self::MaxRatio];
+
+    /// The name used in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::A => "a",
+            Self::D => "d",
+            Self::E => "e",
+            Self::MaxRatio => "max-ratio",
+        }
+    }
+
+    /// The criterion of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] listing the names, with the nearest one as a hint.
+    pub fn from_name(name: &str) -> Result<Self> {
+        let named = Self::ALL.map(|c| (c.name(), c));
+        by_name("objective.criterion", name, &named)
+    }
+}
+
+fn by_name<T: Copy>(key: &str, name: &str, named: &[(&'static str, T)]) -> Result<T> {
+    if let Some((_, value)) = named.iter().find(|(known, _)| *known == name) {
+        return Ok(*value);
+    }
+    let names: Vec<&str> = named.iter().map(|(known, _)| *known).collect();
+    let error = Error::input("no such choice")
+        .with_key(key)
+        .with_value(text::shown(name))
+        .with_allowed(names.join(", "));
+    Err(text::with_nearest(error, name, names))
+}
+
+/// What is to be achieved; the `[objective]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ObjectiveConfig {
+    /// What a search is to find.
+    pub mode: Mode,
+    /// What "accurate" means.
+    pub criterion: CriterionKind,
+    /// Duration of the test with its moves and settles, s. Greater than 0, to 1e7, and no
+    /// shorter than the shortest dwell and one filter period.
+    pub total_time_s: f64,
+    /// How covariance and separability enter the score.
+    pub score: ScoreConfig,
+    /// 1σ specification of the coefficients, °/h (per g).
+    #[serde(skip_serializing_if = "SpecConfig::is_empty")]
+    pub spec_deg_per_h: SpecConfig,
+}
+
+impl Default for ObjectiveConfig {
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            criterion: CriterionKind::default(),
+            total_time_s: 12_000.0,
+            score: ScoreConfig::default(),
+            spec_deg_per_h: SpecConfig::default(),
+        }
+    }
+}
+
+/// How covariance and separability enter the score; the `[objective.score]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ScoreConfig {
+    /// Weight of the covariance criterion, 0 to 1e6.
+    pub covariance_weight: f64,
+    /// Weight of the separability of the coefficients, 0 to 1e6.
+    pub separability_weight: f64,
+    /// Least separability that a schedule must give every coefficient, 0 to 1.
+    pub minimum_separability: f64,
+}
+
+impl Default for ScoreConfig {
+    fn default() -> Self {
+        Self {
+            covariance_weight: 1.0,
+            separability_weight: 0.0,
+            minimum_separability: 0.0,
+        }
+    }
+}
+
+impl ScoreConfig {
+    pub(super) fn check(&self) -> Result<()> {
+        const COVARIANCE: &str = "objective.score.covariance_weight";
+        const SEPARABILITY: &str = "objective.score.separability_weight";
+        const MINIMUM: &str = "objective.score.minimum_separability";
+        in_range(COVARIANCE, self.covariance_weight, 0.0, 1e6, "0 to 1e6")?;
+        in_range(SEPARABILITY, self.separability_weight, 0.0, 1e6, "0 to 1e6")?;
+        in_range(MINIMUM, self.minimum_separability, 0.0, 1.0, "0 to 1")?;
+        if self.covariance_weight == 0.0 && self.separability_weight == 0.0 {
+            return Err(Error::input("nothing is left to optimise")
+                .with_key(COVARIANCE)
+                .with_value(self.covariance_weight)
+                .with_allowed(format!("more than 0, or {SEPARABILITY} more than 0")));
+        }
+        Ok(())
+    }
+}
+
+/// 1σ specification of the coefficients; the `[objective.spec_deg_per_h]` table.
+///
+/// ```
+/// use scheme_opt::drift::DriftCoefficient;
+/// use scheme_opt::study::SpecConfig;
+/// let spec = SpecConfig {
+///     default: Some(0.005),
+///     coefficients: [(DriftCoefficient::IX, 0.01)].into(),
+/// };
+/// assert_eq!(spec.of(DriftCoefficient::IX), Some(0.01));
+/// assert_eq!(spec.of(DriftCoefficient::SZ), Some(0.005));
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SpecConfig {
+    /// For every coefficient that is not named, °/h (per g); greater than 0, to 1e12.
+    pub default: Option<f64>,
+    /// For single coefficients, °/h (per g); greater than 0, to 1e12.
+    pub coefficients: BTreeMap<DriftCoefficient, f64>,
+}
+
+impl SpecConfig {
+    /// One specification for all coefficients, °/h (per g).
+    pub const fn all(deg_per_h: f64) -> Self {
+        Self {
+            default: Some(deg_per_h),
+            coefficients: BTreeMap::new(),
+        }
+    }
+
+    /// True when nothing is specified.
+    pub fn is_empty(&self) -> bool {
+        self.default.is_none() && self.coefficients.is_empty()
+    }
+
+    /// The specification of a coefficient, °/h (per g), if it has one.
+    pub fn of(&self, coefficient: DriftCoefficient) -> Option<f64> {
+        self.coefficients
+            .get(&coefficient)
+            .copied()
+            .or(self.default)
+    }
+
+    /// One value per coefficient, °/h (per g), infinite where there is no specification; `None`
+    /// when there is none at all.
+    pub(super) fn check(&self) -> Result<Option<CoefficientVector>> {
+        let positive = |name: &str, value: f64| {
+            in_range(
+                &format!("objective.spec_deg_per_h.{name}"),
+                value,
+                f64::MIN_POSITIVE,
+                1e12,
+                "greater than 0, to 1e12",
+            )
+        };
+        if let Some(value) = self.default {
+            positive("default", value)?;
+        }
+        for (coefficient, value) in &self.coefficients {
+            positive(coefficient.name(), *value)?;
+        }
+        if self.is_empty() {
+            return Ok(None);
+        }
+        let mut spec = CoefficientVector::repeat(f64::INFINITY);
+        for c in DriftCoefficient::ALL {
+            if let Some(value) = self.of(c) {
+                spec[c.index()] = value;
+            }
+        }
+        Ok(Some(spec))
+    }
+}
+
+impl Serialize for SpecConfig {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        if let Some(value) = self.default {
+            map.serialize_entry("default", &value)?;
+        }
+        for (coefficient, value) in &self.coefficients {
+            map.serialize_entry(coefficient.name(), value)?;
+        }
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for SpecConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct SpecVisitor;
+        impl<'de> Visitor<'de> for SpecVisitor {
+            type Value = SpecConfig;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a table such as {{ default = 0.005, D_IX = 0.01 }}")
+            }
+            fn visit_map<A: MapAccess<'de>>(
+                self,
+                mut map: A,
+            ) -> std::result::Result<Self::Value, A::Error> {
+                let mut spec = SpecConfig::default();
+                while let Some(name) = map.next_key::<String>()? {
+                    let earlier = if name == "default" {
+                        spec.default.replace(map.next_value()?)
+                    } else {
+                        let coefficient = DriftCoefficient::from_name(&name).ok_or_else(|| {
+                            A::Error::custom(format!("`{name}` is no drift coefficient"))
+                        })?;
+                        spec.coefficients.insert(coefficient, map.next_value()?)
+                    };
+                    if earlier.is_some() {
+                        return Err(A::Error::custom(format!("`{name}` is given twice")));
+                    }
+                }
+                Ok(spec)
+            }
+        }
+        deserializer.deserialize_map(SpecVisitor)
+    }
+}
+
+/// How to search; the `[search]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SearchConfig {
+    /// Most positions of a schedule, 1 to 500.
+    pub max_positions: usize,
+    /// Whether measured continuous moves may be part of a schedule.
+    pub allow_tumbling: bool,
+    /// Seed of the random starts.
+    pub seed: u64,
+    /// How many random starts, 1 to 1 000 000.
+    pub starts: usize,
+    /// A position is left out if the criterion grows by no more than this fraction, 0 to 1.
+    pub position_tolerance: f64,
+    /// Threads to use, 1 to 4096; none: one for each processor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub threads: Option<usize>,
+    /// Longest search, s, greater than 0, to 1e9; none: until it has converged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_limit_s: Option<f64>,
+}
+
+impl Default for SearchConfig {
+    fn default() -> Self {
+        Self {
+            max_positions: 24,
+            allow_tumbling: false,
+            seed: 1,
+            starts: 64,
+            position_tolerance: 2e-4,
+            threads: None,
+            time_limit_s: None,
+        }
+    }
+}
+
+impl SearchConfig {
+    pub(super) fn check(&self) -> Result<()> {
+        let count = |key: &str, value: usize, most: usize, allowed: &str| {
+            if (1..=most).contains(&value) {
+                Ok(())
+            } else {
+                Err(Error::out_of_range(key, value, allowed))
+            }
+        };
+        count("search.max_positions", self.max_positions, 500, "1 to 500")?;
+        count("search.starts", self.starts, 1_000_000, "1 to 1000000")?;
+        if let Some(threads) = self.threads {
+            count("search.threads", threads, 4096, "1 to 4096")?;
+        }
+        let tolerance = self.position_tolerance;
+        in_range("search.position_tolerance", tolerance, 0.0, 1.0, "0 to 1")?;
+        if let Some(limit_s) = self.time_limit_s {
+            in_range(
+                "search.time_limit_s",
+                limit_s,
+                f64::MIN_POSITIVE,
+                1e9,
+                "greater than 0, to 1e9",
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_the_files() {
+        for mode in Mode::ALL {
+            let quoted = format!("\"{}\"", mode.name());
+            assert_eq!(serde_json::to_string(&mode).unwrap(), quoted);
+            assert_eq!(Mode::from_name(mode.name()), Ok(mode));
+        }
+        for criterion in CriterionKind::ALL {
+            let quoted = format!("\"{}\"", criterion.name());
+            assert_eq!(serde_json::to_string(&criterion).unwrap(), quoted);
+            assert_eq!(CriterionKind::from_name(criterion.name()), Ok(criterion));
+        }
+        let error = CriterionKind::from_name("max_ratio").unwrap_err();
+        assert!(error.to_string().contains("did you mean `max-ratio`?"));
+        assert_eq!(error.key(), Some("objective.criterion"));
+    }
+
+    #[test]
+    fn specifications_read_back_and_fill_up() {
+        let text = r#"{"D_SZ": 1, "default": 0.5}"#;
+        let spec: SpecConfig = serde_json::from_str(text).unwrap();
+        let written = serde_json::to_string(&spec).unwrap();
+        assert_eq!(serde_json::from_str::<SpecConfig>(&written).unwrap(), spec);
+        let values = spec.check().unwrap().unwrap();
+        assert_eq!(values[DriftCoefficient::SZ.index()], 1.0);
+        assert_eq!(values[DriftCoefficient::FX.index()], 0.5);
+
+        let one: SpecConfig = serde_json::from_str(r#"{"D_FX": 2}"#).unwrap();
+        let values = one.check().unwrap().unwrap();
+        assert_eq!(values[0], 2.0);
+        assert!(values.iter().skip(1).all(|v| *v == f64::INFINITY));
+
+        assert_eq!(SpecConfig::default().check(), Ok(None));
+        for bad in [r#"{"D_XX": 1}"#, r#"{"D_FX": 1, "D_FX": 2}"#, "3"] {
+            assert!(serde_json::from_str::<SpecConfig>(bad).is_err());
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The keys of a platform file: the one place that lists them.
+
+use super::{CriterionKind, Mode};
+
+/// What leaving a key out means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Absent {
+    /// A value is assumed (a number, or "unlimited"), which a reader of results should know.
+    Assumed,
+    /// Nothing: the key is an alternative form or an addition.
+    Nothing,
+}
+
+use Absent::{Assumed, Nothing};
+
+/// Every key in dotted form, in the order of the file.
+pub(super) const KNOWN: &[(&str, Absent)] = &[
+    ("site.latitude_deg", Assumed),
+    ("accelerometer.noise_g", Assumed),
+    (RANDOM_DRIFT, Assumed),
+    (RANDOM_WALK, Nothing),
+    ("filter.period_s", Assumed),
+    ("prior.misalignment_deg", Assumed),
+    ("prior.constant_drift_deg_per_h", Assumed),
+    ("prior.g_sensitive_drift_deg_per_h_per_g", Assumed),
+    ("prior.g_sensitive_drift_deg_per_h_per_g.input", Nothing),
+    ("prior.g_sensitive_drift_deg_per_h_per_g.output", Nothing),
+    ("prior.g_sensitive_drift_deg_per_h_per_g.spin", Nothing),
+    ("gimbals.alpha_deg", Assumed),
+    ("gimbals.beta_deg", Assumed),
+    ("gimbals.gamma_deg", Assumed),
+    ("gimbals.step_deg", Assumed),
+    ("motion.repositioning", Assumed),
+    ("motion.slew_rate_deg_per_s", Assumed),
+    ("motion.settle_s", Assumed),
+    ("motion.measure_moves", Assumed),
+    ("motion.min_dwell_s", Assumed),
+    ("objective.mode", Assumed),
+    ("objective.criterion", Assumed),
+    ("objective.total_time_s", Assumed),
+    ("objective.score.covariance_weight", Assumed),
+    ("objective.score.separability_weight", Assumed),
+    ("objective.score.minimum_separability", Assumed),
+    ("objective.spec_deg_per_h.default", Nothing),
+    ("objective.spec_deg_per_h.D_FX", Nothing),
+    ("objective.spec_deg_per_h.D_FY", Nothing),
+    ("objective.spec_deg_per_h.D_FZ", Nothing),
+    ("objective.spec_deg_per_h.D_IX", Nothing),
+    ("objective.spec_deg_per_h.D_IY", Nothing),
+    ("objective.spec_deg_per_h.D_IZ", Nothing),
+    ("objective.spec_deg_per_h.D_OX", Nothing),
+    ("objective.spec_deg_per_h.D_OY", Nothing),
+    ("objective.spec_deg_per_h.D_OZ", Nothing),
+    ("objective.spec_deg_per_h.D_SX", Nothing),
+    ("objective.spec_deg_per_h.D_SY", Nothing),
+    ("objective.spec_deg_per_h.D_SZ", Nothing),
+    ("search.max_positions", Assumed),
+    ("search.allow_tumbling", Assumed),
+    ("search.seed", Assumed),
+    ("search.starts", Assumed),
+    ("search.position_tolerance", Assumed),
+    ("search.threads", Nothing),
+    ("search.time_limit_s", Nothing),
+];
+
+/// The random drift of the gyros, of which [`RANDOM_WALK`] is another form.
+pub(super) const RANDOM_DRIFT: &str = "gyro.random_drift_deg_per_h";
+/// The random drift of the gyros as an angle random walk.
+pub(super) const RANDOM_WALK: &str = "gyro.angle_random_walk_deg_per_sqrt_h";
+
+/// True when a value can be given for this key.
+pub(super) fn is_value(path: &str) -> bool {
+    KNOWN.iter().any(|(key, _)| *key == path)
+}
+
+/// True when keys can be given inside this one.
+pub(super) fn is_table(path: &str) -> bool {
+    KNOWN.iter().any(|(key, _)| inside(path, key).is_some())
+}
+
+/// The names that can be given inside the table `path` (empty: the whole file).
+pub(super) fn names_in(path: &str) -> Vec<&'static str> {
+    let rest = KNOWN.iter().filter_map(|(key, _)| inside(path, key));
+    let mut names: Vec<_> = rest.filter_map(|rest| rest.split('.').next()).collect();
+    names.dedup();
+    names
+}
+
+/// A known key whose last part is `name`, wherever it is.
+pub(super) fn elsewhere(name: &str) -> Option<&'static str> {
+    let mut keys = KNOWN.iter().map(|(key, _)| *key);
+    keys.find(|key| key.rsplit('.').next() == Some(name))
+}
+
+/// The part of `key` below the table `path`.
+fn inside(path: &str, key: &'static str) -> Option<&'static str> {
+    if path.is_empty() {
+        return Some(key);
+    }
+    key.strip_prefix(path)?.strip_prefix('.')
+}
+
+/// The names to choose from, for keys that are such a choice.
+pub(super) fn choices(path: &str) -> Option<Vec<&'static str>> {
+    match path {
+        "objective.mode" => Some(Mode::ALL.map(Mode::name).to_vec()),
+        "objective.criterion" => Some(CriterionKind::ALL.map(CriterionKind::name).to_vec()),
+        "motion.repositioning" => Some(vec!["slew", "frame-hold"]),
+        _ => None,
+    }
+}
+
+/// How many elements an array has that is given for this key, and what they are.
+pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
+    if path.starts_with("gimbals.") && path != "gimbals.step_deg" {
+        Some((2, "two numbers [low, high]"))
+    } else if path.starts_with("prior.") {
+        Some((3, "a number, or three: [x, y, z]"))
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_tells_tables_from_values() {
+        assert!(is_table("objective") && is_table("objective.score"));
+        assert!(is_table("prior.g_sensitive_drift_deg_per_h_per_g"));
+        assert!(is_value("prior.g_sensitive_drift_deg_per_h_per_g"));
+        assert!(!is_table("site.latitude_deg") && !is_value("site") && !is_table("sit"));
+        assert_eq!(
+            names_in(""),
+            [
+                "site",
+                "accelerometer",
+                "gyro",
+                "filter",
+                "prior",
+                "gimbals",
+                "motion",
+                "objective",
+                "search"
+            ]
+        );
+        assert_eq!(names_in("filter"), ["period_s"]);
+        assert_eq!(elsewhere("latitude_deg"), Some("site.latitude_deg"));
+        assert_eq!(elsewhere("site"), None);
+    }
+}
