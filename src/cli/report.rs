@@ -47,14 +47,12 @@ fn verdict(document: &ResultDocument) -> String {
     let positions = found.schedule.positions.len();
     let comparison = document.best_baseline().map_or_else(String::new, |best| {
         let ratio = best.ratio.unwrap_or(f64::INFINITY);
-        let (factor, word) = match ratio >= 1.0 {
-            true => (ratio, "better"),
-            false => (1.0 / ratio, "worse"),
+        let compared = match ratio {
+            r if r >= 1.005 => format!("{r:.2} times better than"),
+            r if r <= 0.995 => format!("{:.2} times worse than", 1.0 / r),
+            _ => "as good as".to_owned(),
         };
-        format!(
-            ": {factor:.2} times {word} than the best standard scheme ({})",
-            best.name
-        )
+        format!(": {compared} the best standard scheme ({})", best.name)
     });
     format!(
         "RMS sigma {} deg/h in {} s with {positions} position{}{comparison}\n",

@@ -1,5 +1,10 @@
 //! Integration tests: one binary, one module per subject.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::needless_range_loop,
+    reason = "helpers of tests unwrap, say what they measured, and index as the formulas do"
+)]
 
 #[cfg(feature = "cli")]
 mod cli;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use scheme_opt::attitude::Position;
 use scheme_opt::drift::DriftCoefficient;
 use scheme_opt::platform::PlatformConfig;
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::schedule::Schedule;
 use serde_json::Value;
 
 /// A schedule with the covariance that an independent dense Kalman filter found.
@@ -45,7 +45,7 @@ fn read_case(path: &Path) -> ReferenceCase {
     ReferenceCase {
         name: case["name"].as_str().unwrap().to_owned(),
         config: serde_json::from_value(case["platform"].clone()).unwrap(),
-        schedule: parse_schedule(&case["schedule"]),
+        schedule: scheme_opt::schedule::file::from_json(&case["schedule"].to_string()).unwrap(),
         total_time_s: number(&case["total_time_s"]),
         sigma_deg_per_h: DriftCoefficient::ALL
             .iter()
@@ -80,26 +80,4 @@ impl Random {
         let mut angle = || self.between(-180.0, 180.0);
         Position::from_deg(angle(), angle(), angle())
     }
-
-    /// Positions with uneven dwells between `low` and `high` seconds.
-    pub fn schedule(&mut self, count: usize, low: f64, high: f64) -> Schedule {
-        let positions = (0..count)
-            .map(|_| ScheduledPosition::new(self.position(), self.between(low, high)))
-            .collect();
-        Schedule::new(positions).unwrap()
-    }
-}
-
-fn parse_schedule(v: &Value) -> Schedule {
-    let positions = v["positions"].as_array().unwrap().iter().map(|p| {
-        let n = |k: &str| p[k].as_f64().unwrap();
-        let mut s = ScheduledPosition::new(
-            Position::from_deg(n("alpha_deg"), n("beta_deg"), n("gamma_deg")),
-            n("dwell_s"),
-        );
-        s.move_s = p["move_s"].as_f64();
-        s.move_measured = p["move_measured"].as_bool();
-        s
-    });
-    Schedule::new(positions.collect()).unwrap()
 }
