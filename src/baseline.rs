@@ -5,6 +5,7 @@ use crate::drift::COEFFICIENTS;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
+use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
 
 /// A standard scheme at a given total time.
@@ -30,8 +31,8 @@ pub struct BaselineAccuracy {
 /// Every standard scheme on the evaluator's platform, moves and settles included in
 /// `total_time_s`, by the evaluator's criterion. Dwells are equal.
 ///
-/// A scheme that the platform cannot take, or whose moves leave no time to dwell, is part of the
-/// answer with the reason.
+/// A scheme that the platform cannot take, or whose moves leave less than the shortest dwell
+/// (`motion.min_dwell_s`) for each position, is part of the answer with the reason.
 ///
 /// ```
 /// use scheme_opt::baseline::baselines;
@@ -64,6 +65,7 @@ fn accuracy(
     total_time_s: f64,
 ) -> Result<BaselineAccuracy> {
     let schedule = scheme.schedule(total_time_s, evaluator.platform())?;
+    check_dwells(evaluator, &schedule)?;
     let timeline = Timeline::new(evaluator.platform(), &schedule)?;
     let end = evaluator
         .model()
@@ -78,6 +80,21 @@ fn accuracy(
     } else {
         Err(Error::numerical("its covariance is not finite"))
     }
+}
+
+/// A comparison is fair when both sides keep to the shortest dwell.
+fn check_dwells(evaluator: &Evaluator, schedule: &Schedule) -> Result<()> {
+    let least_s = evaluator.platform().motion().min_dwell_s;
+    let dwells = schedule.positions().iter().map(|p| p.dwell_s);
+    let shortest_s = dwells.fold(f64::INFINITY, f64::min);
+    // The dwells are a quotient, which may round to just below.
+    if shortest_s >= least_s * (1.0 - 1e-12) {
+        return Ok(());
+    }
+    Err(Error::infeasible("its equal dwells would be too short")
+        .with_key("dwell_s")
+        .with_value(format!("{shortest_s:.3}"))
+        .with_allowed(format!("at least motion.min_dwell_s = {least_s}")))
 }
 
 #[cfg(test)]
@@ -120,6 +137,14 @@ mod tests {
         let all = baselines(&slow, 1000.0);
         for baseline in all {
             assert!(baseline.accuracy.unwrap_err().is_infeasible());
+        }
+    }
+
+    #[test]
+    fn the_shortest_dwell_holds_for_both_sides() {
+        let evaluator = evaluator(|c| c.motion.min_dwell_s = 60.0);
+        for baseline in baselines(&evaluator, 720.0) {
+            assert_eq!(baseline.accuracy.is_ok(), baseline.positions <= 12);
         }
     }
 }

@@ -8,7 +8,7 @@
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
 //! - [`gradient`]: its reverse mode;
-//! - [`reference`]: an independent step-by-step square-root filter on faer, for the convergence
+//! - [`mod@reference`]: an independent step-by-step square-root filter on faer, for the convergence
 //!   history and to check every winner.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
