@@ -18,22 +18,19 @@
 
 pub mod allocate;
 mod finish;
+pub mod front;
+mod pipeline;
 mod progress;
 pub mod propose;
 pub mod refine;
+pub mod shortest;
 pub mod variables;
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-
-use rayon::prelude::*;
-
-use crate::criterion::Smoothing;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::schedule::Schedule;
+use pipeline::{Context, Work, best_candidate};
 pub use progress::{Control, Phase, Progress};
-use refine::Refined;
-use variables::Plan;
 
 /// What to search for.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,44 +113,6 @@ pub struct SearchOutcome {
     pub counters: Counters,
 }
 
-/// Work counters shared between threads.
-#[derive(Debug, Default)]
-pub(crate) struct Work {
-    evaluations: AtomicU64,
-    gradients: AtomicU64,
-    starts: AtomicU64,
-    cut_short: AtomicBool,
-}
-
-impl Work {
-    /// Whether to stop, remembering that work was left undone.
-    pub(crate) fn must_stop(&self, control: &Control<'_>) -> bool {
-        let stop = control.should_stop();
-        if stop {
-            self.cut_short.store(true, Ordering::Relaxed);
-        }
-        stop
-    }
-    pub(crate) fn count_evaluations(&self, n: u64) {
-        self.evaluations.fetch_add(n, Ordering::Relaxed);
-    }
-    pub(crate) fn count_gradients(&self, n: u64) {
-        self.gradients.fetch_add(n, Ordering::Relaxed);
-    }
-    fn counters(&self) -> Counters {
-        Counters {
-            evaluations: self.evaluations.load(Ordering::Relaxed),
-            gradients: self.gradients.load(Ordering::Relaxed),
-            starts: self.starts.load(Ordering::Relaxed),
-        }
-    }
-}
-
-/// How many of the best starts are worked out to the end.
-const FINALISTS: usize = 6;
-/// L-BFGS iterations of a start before the best are chosen.
-const SCREENING_ITERATIONS: u64 = 60;
-
 /// Searches for the best schedule of `problem` on the evaluator's platform, by its objective.
 ///
 /// Runs on the rayon pool it is called from; stops early as `control` says and then returns the
@@ -171,14 +130,27 @@ pub fn search(
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
-    let starts = propose::starts(evaluator, problem)?;
-    let screened = screen(evaluator, problem, control, &work, starts)?;
-    let finalists = finish_all(evaluator, problem, control, &work, screened);
-    let best = best_of(finalists).ok_or_else(no_schedule)?;
+    let context = Context {
+        evaluator,
+        problem,
+        control,
+        work: &work,
+    };
+    let best = best_candidate(context, &[])?;
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
-    let schedule = best.plan.to_schedule()?;
+    conclude(evaluator, control, &work, &best.plan)
+}
+
+/// Evaluates the winner by both computations and says how the search ended.
+pub(crate) fn conclude(
+    evaluator: &Evaluator,
+    control: &Control<'_>,
+    work: &Work,
+    plan: &variables::Plan,
+) -> Result<SearchOutcome> {
+    let schedule = plan.to_schedule()?;
     let evaluation = evaluator.evaluate(&schedule)?;
-    let (status, reason) = verdict(evaluator, control, &work, &evaluation);
+    let (status, reason) = verdict(evaluator, control, work, &evaluation);
     Ok(SearchOutcome {
         status,
         reason,
@@ -189,7 +161,7 @@ pub fn search(
 }
 
 /// What this search cannot plan is refused, not quietly left out.
-fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
+pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
     if evaluator.platform().gimbals().step_rad.is_some() {
         return Err(
             Error::input("the search does not place positions on an index table yet")
@@ -208,102 +180,6 @@ fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<
     Ok(())
 }
 
-fn no_schedule() -> Error {
-    Error::numerical("no start led to a schedule whose covariance can be computed")
-}
-
-/// A plan with its merit.
-#[derive(Debug, Clone)]
-pub(crate) struct Candidate {
-    pub plan: Plan,
-    pub merit: f64,
-    /// Value of the criterion, for the progress display.
-    pub criterion: f64,
-}
-
-/// The first of the best: ties go to the earlier start, whatever thread was faster.
-fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
-    candidates
-        .into_iter()
-        .reduce(|best, c| if c.merit < best.merit { c } else { best })
-}
-
-/// Refines every start for a while, in parallel; returns them best first. The first start is
-/// worked on whatever the control says, so that there always is a best so far.
-fn screen(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    control: &Control<'_>,
-    work: &Work,
-    starts: Vec<Plan>,
-) -> Result<Vec<Refined>> {
-    let total = starts.len();
-    let done = AtomicU64::new(0);
-    let mut refined: Vec<Refined> = starts
-        .into_par_iter()
-        .enumerate()
-        .filter_map(|(index, plan)| {
-            if index > 0 && work.must_stop(control) {
-                return None;
-            }
-            let smoothing = first_smoothing(evaluator);
-            let result = refine::refine(
-                evaluator,
-                &plan,
-                problem.total_time_s,
-                smoothing,
-                SCREENING_ITERATIONS,
-                work,
-            );
-            work.starts.fetch_add(1, Ordering::Relaxed);
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            let log = result.as_ref().map(|r| r.merit);
-            control.report(Phase::Screening, count, total as u64, log.map(f64::exp));
-            result
-        })
-        .collect();
-    if refined.is_empty() {
-        return Err(no_schedule());
-    }
-    refined.sort_by(|a, b| a.merit.total_cmp(&b.merit));
-    Ok(refined)
-}
-
-/// What smoothing a search begins with: a mild power mean where the criterion has kinks.
-fn first_smoothing(evaluator: &Evaluator) -> Smoothing {
-    match evaluator.objective().criterion.has_kinks() {
-        true => Smoothing::PowerMean(6.0),
-        false => Smoothing::Exact,
-    }
-}
-
-/// Works the best starts out to the end, in parallel.
-fn finish_all(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    control: &Control<'_>,
-    work: &Work,
-    mut screened: Vec<Refined>,
-) -> Vec<Candidate> {
-    screened.truncate(FINALISTS);
-    let total = screened.len() as u64;
-    let done = AtomicU64::new(0);
-    screened
-        .into_par_iter()
-        .enumerate()
-        .filter_map(|(index, start)| {
-            if index > 0 && work.must_stop(control) {
-                return None;
-            }
-            let result = finish::finish(evaluator, problem, work, control, start.plan);
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            let criterion = result.as_ref().map(|c| c.criterion);
-            control.report(Phase::Finishing, count, total, criterion);
-            result
-        })
-        .collect()
-}
-
 /// Status and reason of a search whose best schedule has been evaluated.
 fn verdict(
     evaluator: &Evaluator,
@@ -311,7 +187,7 @@ fn verdict(
     work: &Work,
     evaluation: &Evaluation,
 ) -> (Status, String) {
-    let cut_short = work.cut_short.load(Ordering::Relaxed);
+    let cut_short = work.was_cut_short();
     if cut_short && control.is_cancelled() {
         return (
             Status::Interrupted,

@@ -17,7 +17,7 @@ use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
 
-use super::Work;
+use super::pipeline::{Context, Work};
 use super::refine::Refined;
 use super::variables::Plan;
 use crate::covariance::chain::{Gram, NoRecord};
@@ -33,13 +33,9 @@ const FIRST_TRUST: f64 = 0.5;
 
 /// Reallocates the dwells of `plan` and drops positions left with (almost) nothing; the result
 /// is never worse than the plan.
-pub(crate) fn allocate(
-    evaluator: &Evaluator,
-    plan: Refined,
-    total_time_s: f64,
-    smoothing: Smoothing,
-    work: &Work,
-) -> Refined {
+pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
+    let (evaluator, work) = (context.evaluator, context.work);
+    let total_time_s = context.problem.total_time_s;
     let mut current = plan;
     let mut trust = FIRST_TRUST * total_time_s / current.plan.angles.len() as f64;
     for _ in 0..STEPS {
@@ -49,14 +45,7 @@ pub(crate) fn allocate(
         let Some(step) = model.solve(&current.plan.dwell_s, trust) else {
             break;
         };
-        match apply(
-            evaluator,
-            &current.plan,
-            &step,
-            total_time_s,
-            smoothing,
-            work,
-        ) {
+        match apply(context, &current.plan, &step, smoothing) {
             Some(next) if next.merit < current.merit => {
                 let gain = current.merit - next.merit;
                 let predicted = -model.change(&step);
@@ -77,14 +66,8 @@ pub(crate) fn allocate(
 
 /// Applies a step: positions left with less than half the minimum dwell (or half a period) are
 /// dropped, and the rest fills the total time.
-fn apply(
-    evaluator: &Evaluator,
-    plan: &Plan,
-    step: &[f64],
-    total_time_s: f64,
-    smoothing: Smoothing,
-    work: &Work,
-) -> Option<Refined> {
+fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) -> Option<Refined> {
+    let evaluator = context.evaluator;
     let platform = evaluator.platform();
     let shortest = 0.5 * platform.motion().min_dwell_s.max(platform.period_s());
     let mut next = Plan {
@@ -97,8 +80,8 @@ fn apply(
             next.dwell_s.push(dwell + change);
         }
     }
-    let next = next.fitted(platform, total_time_s)?;
-    work.count_evaluations(1);
+    let next = next.fitted(platform, context.problem.total_time_s)?;
+    context.work.count_evaluations(1);
     let merit = evaluator.merit(&next.timeline(platform), smoothing).ok()?;
     Some(Refined { plan: next, merit })
 }

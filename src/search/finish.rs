@@ -1,13 +1,12 @@
 //! Working a start out to the end: allocate, drop, refine, round.
 
 use super::allocate::allocate;
-use super::refine::{Refined, refine, refine_angles};
+use super::pipeline::{Candidate, Context};
+use super::refine::{Refined, refine_angles};
 use super::variables::{Plan, tidy_angle};
-use super::{Candidate, Control, SearchProblem, Work, first_smoothing};
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
-use crate::evaluate::Evaluator;
 use crate::motion::{MAX_FILTER_PERIODS, Timeline};
 use crate::platform::Platform;
 use crate::units::Angle;
@@ -18,68 +17,40 @@ const FULL_ITERATIONS: u64 = 400;
 const REMOVAL_ITERATIONS: u64 = 40;
 /// Rounds of allocation and refinement.
 const ROUNDS: usize = 3;
+/// Power of the last power mean, within 0.9 % of the maximum at worst.
+const SHARPEST: f64 = 144.0;
 /// Angles of a recommended schedule are multiples of this, degrees.
 const ANGLE_STEP_DEG: f64 = 1e-3;
 
 /// Works `plan` out to the end; none when it comes to nothing.
-pub(super) fn finish(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    work: &Work,
-    control: &Control<'_>,
-    plan: Plan,
-) -> Option<Candidate> {
-    let smoothing = first_smoothing(evaluator);
-    let full = |plan: &Plan, smoothing| {
-        refine(
-            evaluator,
-            plan,
-            problem.total_time_s,
-            smoothing,
-            FULL_ITERATIONS,
-            work,
-        )
-    };
-    let mut current = full(&plan, smoothing)?;
-    if !work.must_stop(control) {
-        current = settle_allocation(evaluator, problem, work, control, smoothing, current);
-        current = drop_idle(evaluator, problem, work, control, smoothing, current);
+pub(super) fn finish(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+    let smoothing = context.first_smoothing();
+    let mut current = context.refine(&plan, smoothing, FULL_ITERATIONS)?;
+    if !context.must_stop() {
+        current = settle_allocation(context, smoothing, current);
+        current = drop_idle(context, smoothing, current);
     }
     // From the power mean towards the criterion itself.
-    if evaluator.objective().criterion.has_kinks() {
-        for power in [16.0, 48.0, 144.0] {
-            if let Some(sharper) = full(&current.plan, Smoothing::PowerMean(power)) {
+    if context.evaluator.objective().criterion.has_kinks() {
+        for power in [16.0, 48.0, SHARPEST] {
+            let smoothing = Smoothing::PowerMean(power);
+            if let Some(sharper) = context.refine(&current.plan, smoothing, FULL_ITERATIONS) {
                 current = sharper;
             }
         }
     }
-    round(evaluator, problem, work, &current.plan)
+    round(context, &current.plan)
 }
 
 /// Allocation and refinement in turn until neither helps.
-fn settle_allocation(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    work: &Work,
-    control: &Control<'_>,
-    smoothing: Smoothing,
-    mut current: Refined,
-) -> Refined {
+fn settle_allocation(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
     for _ in 0..ROUNDS {
-        if work.must_stop(control) {
+        if context.must_stop() {
             break;
         }
         let before = current.merit;
-        current = allocate(evaluator, current, problem.total_time_s, smoothing, work);
-        let plan = &current.plan;
-        let refined = refine(
-            evaluator,
-            plan,
-            problem.total_time_s,
-            smoothing,
-            FULL_ITERATIONS,
-            work,
-        );
+        current = allocate(context, current, smoothing);
+        let refined = context.refine(&current.plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined.filter(|r| r.merit < current.merit) {
             current = refined;
         }
@@ -92,33 +63,23 @@ fn settle_allocation(
 
 /// Removes positions one by one, the most idle first, as long as the merit loses less than the
 /// tolerance by it.
-fn drop_idle(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    work: &Work,
-    control: &Control<'_>,
-    smoothing: Smoothing,
-    mut current: Refined,
-) -> Refined {
-    let refit = |plan: Plan, iterations| {
-        let plan = plan.fitted(evaluator.platform(), problem.total_time_s)?;
-        refine(
-            evaluator,
-            &plan,
-            problem.total_time_s,
-            smoothing,
-            iterations,
-            work,
-        )
-    };
-    while current.plan.angles.len() > 1 && !work.must_stop(control) {
-        let candidates = (0..current.plan.angles.len())
-            .filter_map(|k| refit(current.plan.without(k), REMOVAL_ITERATIONS));
+fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
+    let (platform, problem) = (context.evaluator.platform(), context.problem);
+    while current.plan.angles.len() > 1 && !context.must_stop() {
+        let candidates = (0..current.plan.angles.len()).filter_map(|k| {
+            let fewer = current
+                .plan
+                .without(k)
+                .fitted(platform, problem.total_time_s)?;
+            context.refine(&fewer, smoothing, REMOVAL_ITERATIONS)
+        });
         let Some(best) = candidates.reduce(|best, c| if c.merit < best.merit { c } else { best })
         else {
             break;
         };
-        let best = refit(best.plan.clone(), FULL_ITERATIONS).unwrap_or(best);
+        let best = context
+            .refine(&best.plan, smoothing, FULL_ITERATIONS)
+            .unwrap_or(best);
         let too_many = current.plan.angles.len() > problem.max_positions;
         if best.merit - current.merit > problem.position_tolerance && !too_many {
             break;
@@ -129,26 +90,24 @@ fn drop_idle(
 }
 
 /// Rounds angles and dwells, refining the angles once more between where moves take no time.
-fn round(
-    evaluator: &Evaluator,
-    problem: &SearchProblem,
-    work: &Work,
-    plan: &Plan,
-) -> Option<Candidate> {
+fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+    let evaluator = context.evaluator;
     let platform = evaluator.platform();
-    let mut plan = with_whole_periods(platform, &round_angles(platform, plan), problem)?;
+    let total_time_s = context.problem.total_time_s;
+    let mut plan = with_whole_periods(platform, &round_angles(platform, plan), total_time_s)?;
     if platform.motion().slew_rate_rad_per_s.is_none() {
         // The dwells are final now; the angles settle around them. Where moves take time this
         // could lengthen them beyond the total time.
         let smoothing = match evaluator.objective().criterion.has_kinks() {
-            true => Smoothing::PowerMean(144.0),
+            true => Smoothing::PowerMean(SHARPEST),
             false => Smoothing::Exact,
         };
-        if let Some(refined) = refine_angles(evaluator, &plan, smoothing, FULL_ITERATIONS, work) {
+        let refined = refine_angles(evaluator, &plan, smoothing, FULL_ITERATIONS, context.work);
+        if let Some(refined) = refined {
             plan = round_angles(platform, &refined.plan);
         }
     }
-    work.count_evaluations(1);
+    context.work.count_evaluations(1);
     let timeline = plan.timeline(platform);
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
     let end = evaluator
@@ -194,9 +153,9 @@ fn round_angles(platform: &Platform, plan: &Plan) -> Plan {
 }
 
 /// Dwells to whole filter periods, as many as the total time leaves, by largest remainder.
-fn with_whole_periods(platform: &Platform, plan: &Plan, problem: &SearchProblem) -> Option<Plan> {
+fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
     let period = platform.period_s();
-    let budget = problem.total_time_s - plan.overhead_s(platform);
+    let budget = total_time_s - plan.overhead_s(platform);
     let available = (budget / period + 1e-9).floor();
     if !(1.0..=MAX_FILTER_PERIODS).contains(&available) {
         return None;
@@ -230,7 +189,7 @@ fn with_whole_periods(platform: &Platform, plan: &Plan, problem: &SearchProblem)
         angles: plan.angles.clone(),
         dwell_s: periods.iter().map(|n| n * period).collect(),
     };
-    let fits = total(&rounded.timeline(platform)) <= problem.total_time_s * (1.0 + 1e-12);
+    let fits = total(&rounded.timeline(platform)) <= total_time_s * (1.0 + 1e-12);
     fits.then_some(rounded)
 }
 

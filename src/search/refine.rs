@@ -13,7 +13,7 @@ use argmin::core::{CostFunction, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
-use super::Work;
+use super::pipeline::Work;
 use super::variables::{Plan, Variables};
 use crate::criterion::Smoothing;
 use crate::evaluate::Evaluator;

@@ -1,0 +1,229 @@
+//! Mode `pareto`: the front of total time against criterion.
+//!
+//! Times are spaced geometrically up to the longest. Each point is a search of its own, warm-
+//! started from the next shorter test; then a sweep back offers every longer test's plan to the
+//! next shorter one. In the end each point is evaluated like any winner, by both computations.
+//! More time is never worse: a plan with every dwell stretched is still a plan, and information
+//! never falls with an added dwell.
+
+use super::finish::finish;
+use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::{Control, Counters, Phase, SearchProblem, Status, refuse_unsupported};
+use crate::error::{Error, Result};
+use crate::evaluate::{Evaluation, Evaluator};
+use crate::schedule::Schedule;
+
+/// Default number of points.
+pub const POINTS: usize = 12;
+/// The shortest test of the front, as a share of the longest.
+const SHORTEST_SHARE: f64 = 0.125;
+
+/// One point of the front.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrontPoint {
+    /// Duration of the test, moves and settles included, s.
+    pub total_time_s: f64,
+    /// The best schedule found for it.
+    pub schedule: Schedule,
+    /// Its evaluation, both computations agreeing.
+    pub evaluation: Evaluation,
+}
+
+/// The front of total time against criterion, shortest test first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Front {
+    /// How the search ended.
+    pub status: Status,
+    /// The same in words.
+    pub reason: String,
+    /// The points: the criterion falls strictly along them.
+    pub points: Vec<FrontPoint>,
+    /// Work done.
+    pub counters: Counters,
+}
+
+/// The front with `points` tests up to `problem.total_time_s`.
+///
+/// # Errors
+///
+/// As [`search`](super::search()); times too short for any schedule are left out.
+pub fn front(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    points: usize,
+    control: &Control<'_>,
+) -> Result<Front> {
+    refuse_unsupported(evaluator, problem)?;
+    let work = Work::default();
+    let sweep = Sweep {
+        evaluator,
+        control,
+        work: &work,
+        problems: problems(evaluator, problem, points.max(1)),
+    };
+    let mut candidates = sweep.forward()?;
+    sweep.back(&mut candidates);
+    sweep.repair(&mut candidates);
+    control.report(Phase::Checking, 1, 1, None);
+    let mut front: Vec<FrontPoint> = Vec::new();
+    for candidate in candidates.into_iter().flatten() {
+        let schedule = candidate.plan.to_schedule()?;
+        let evaluation = evaluator.evaluate(&schedule)?;
+        let falls = front
+            .last()
+            .is_none_or(|p| evaluation.score.value < p.evaluation.score.value);
+        let feasible = evaluation.score.meets_minimum_separability;
+        if falls && feasible {
+            front.push(FrontPoint {
+                total_time_s: evaluation.total_time_s,
+                schedule,
+                evaluation,
+            });
+        }
+    }
+    let (status, reason) = ending(&front, &work, control);
+    Ok(Front {
+        status,
+        reason,
+        points: front,
+        counters: work.counters(),
+    })
+}
+
+fn ending(front: &[FrontPoint], work: &Work, control: &Control<'_>) -> (Status, String) {
+    let best = "the front is the best found so far";
+    if work.was_cut_short() && control.is_cancelled() {
+        (Status::Interrupted, format!("interrupted; {best}"))
+    } else if work.was_cut_short() {
+        (
+            Status::TimeLimit,
+            format!("the time limit was reached; {best}"),
+        )
+    } else if front.is_empty() {
+        let reason = "no schedule found meets the minimum separability";
+        (Status::Infeasible, reason.to_owned())
+    } else {
+        let reason = "every point was refined to convergence and confirmed by the step-by-step \
+                      filter";
+        (Status::Converged, reason.to_owned())
+    }
+}
+
+/// The problem at each time, shortest first. Fewer starts for each: neighbours help.
+fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Vec<SearchProblem> {
+    let platform = evaluator.platform();
+    let longest = problem.total_time_s;
+    let shortest = (SHORTEST_SHARE * longest)
+        .max(platform.motion().min_dwell_s)
+        .max(platform.period_s)
+        .min(longest);
+    (0..points)
+        .map(|k| {
+            let share = match points {
+                1 => 1.0,
+                _ => k as f64 / (points - 1) as f64,
+            };
+            let total_time_s = match k + 1 == points {
+                true => longest,
+                false => shortest * (longest / shortest).powf(share),
+            };
+            SearchProblem {
+                total_time_s,
+                starts: (problem.starts / 2).max(4),
+                ..problem.clone()
+            }
+        })
+        .collect()
+}
+
+struct Sweep<'a> {
+    evaluator: &'a Evaluator,
+    control: &'a Control<'a>,
+    work: &'a Work,
+    problems: Vec<SearchProblem>,
+}
+
+impl Sweep<'_> {
+    fn context<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
+        Context {
+            evaluator: self.evaluator,
+            problem,
+            control: self.control,
+            work: self.work,
+        }
+    }
+
+    /// From the shortest test on, each warm-started from the one before.
+    fn forward(&self) -> Result<Vec<Option<Candidate>>> {
+        let mut found: Vec<Option<Candidate>> = Vec::new();
+        let mut last_error = None;
+        for problem in &self.problems {
+            if !found.is_empty() && self.context(problem).must_stop() {
+                found.push(None);
+                continue;
+            }
+            let warm: Vec<_> = found
+                .iter()
+                .flatten()
+                .last()
+                .map(|c| c.plan.clone())
+                .into_iter()
+                .collect();
+            match best_candidate(self.context(problem), &warm) {
+                Ok(candidate) => found.push(Some(candidate)),
+                Err(e) if e.is_infeasible() || e.is_numerical() => {
+                    last_error = Some(e);
+                    found.push(None);
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        match (found.iter().any(Option::is_some), last_error) {
+            (false, Some(e)) => Err(e),
+            (false, None) => Err(Error::infeasible(
+                "no test of the front can hold a schedule",
+            )),
+            _ => Ok(found),
+        }
+    }
+
+    /// From the longest test back, each shorter one is offered the plan of the longer.
+    fn back(&self, found: &mut [Option<Candidate>]) {
+        for k in (1..found.len()).rev() {
+            self.offer(found, k, k - 1);
+        }
+    }
+
+    /// Forward once more where a longer test came out no better.
+    fn repair(&self, found: &mut [Option<Candidate>]) {
+        for k in 1..found.len() {
+            let better = |a: &Option<Candidate>, b: &Option<Candidate>| match (a, b) {
+                (Some(a), Some(b)) => a.merit <= b.merit,
+                (Some(_), None) => true,
+                _ => false,
+            };
+            if better(&found[k - 1], &found[k]) {
+                self.offer(found, k - 1, k);
+            }
+        }
+    }
+
+    fn offer(&self, found: &mut [Option<Candidate>], from: usize, to: usize) {
+        let problem = &self.problems[to];
+        let context = self.context(problem);
+        if context.must_stop() {
+            return;
+        }
+        let plan = found[from].as_ref().and_then(|c| {
+            c.plan
+                .clone()
+                .fitted(self.evaluator.platform(), problem.total_time_s)
+        });
+        let Some(offered) = plan.and_then(|plan| finish(context, plan)) else {
+            return;
+        };
+        if found[to].as_ref().is_none_or(|c| offered.merit < c.merit) {
+            found[to] = Some(offered);
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Mode `time`: the shortest test in which every coefficient meets its specification.
+//!
+//! The best max-ratio reachable in a total time T falls steadily with T, about like a power of
+//! it, so ln ratio against ln T is nearly a straight line. The root ratio = 1 is bracketed and
+//! found by the Illinois variant of regula falsi on those logarithms, each point by a search warm-started
+//! from its neighbour. In the end whole filter periods are taken off as long as the
+//! specification holds, judged by the filter's own tick rule.
+
+use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::variables::Plan;
+use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
+use crate::covariance::TickRule;
+use crate::criterion::Criterion;
+use crate::drift::{CoefficientVector, DriftCoefficient};
+use crate::error::{Error, Result};
+use crate::evaluate::{Evaluator, Objective};
+
+/// Steps of the root search.
+const STEPS: usize = 14;
+/// The bracket is narrow enough when its ends differ by this much, relatively.
+const WIDTH: f64 = 5e-4;
+/// How the ratio falls with the time, for the first guess: σ ∝ T^−1.2.
+const POWER: f64 = 1.2;
+/// How much longer than allowed a test is tried, to say what the specification would need.
+const LONGEST_TRIAL: f64 = 64.0;
+
+/// The shortest schedule that meets the evaluator's specification, at most
+/// `problem.total_time_s` long.
+///
+/// # Errors
+///
+/// [`Error::is_input`] without a specification; as [`search`](super::search()) otherwise. A
+/// specification that cannot be met in the time is not an error but status
+/// [`Status::Infeasible`], with the nearest feasible point in the reason.
+pub fn shortest(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    control: &Control<'_>,
+) -> Result<SearchOutcome> {
+    refuse_unsupported(evaluator, problem)?;
+    let Some(spec_deg_per_h) = evaluator.objective().spec_deg_per_h else {
+        return Err(
+            Error::input("the shortest test needs a specification to meet")
+                .with_key("objective.spec_deg_per_h"),
+        );
+    };
+    // Whatever the criterion of the study, what counts here is the specification.
+    let objective = Objective {
+        criterion: Criterion::MaxRatio { spec_deg_per_h },
+        ..*evaluator.objective()
+    };
+    let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
+    let work = Work::default();
+    let root = RootSearch {
+        evaluator,
+        problem,
+        control,
+        work: &work,
+    };
+    let longest = root.point(problem.total_time_s, problem.starts, &[])?;
+    if longest.criterion > 1.0 {
+        return root.infeasible(&longest, &spec_deg_per_h);
+    }
+    let best = root.narrow(longest)?;
+    let plan = root.trim(best.plan);
+    control.report(Phase::Checking, 1, 1, None);
+    let mut outcome = conclude(evaluator, control, &work, &plan)?;
+    if outcome.status == Status::Converged {
+        outcome.reason = format!(
+            "every coefficient is within its specification after {:.1} s; the largest ratio of \
+             a sigma to its specification is {:.4}",
+            outcome.evaluation.total_time_s, outcome.evaluation.score.criterion
+        );
+    }
+    Ok(outcome)
+}
+
+struct RootSearch<'a> {
+    evaluator: &'a Evaluator,
+    problem: &'a SearchProblem,
+    control: &'a Control<'a>,
+    work: &'a Work,
+}
+
+impl RootSearch<'_> {
+    /// The best candidate in `total_time_s`, from fresh starts and warm plans.
+    fn point(&self, total_time_s: f64, starts: usize, warm: &[Plan]) -> Result<Candidate> {
+        let problem = SearchProblem {
+            total_time_s,
+            starts,
+            ..self.problem.clone()
+        };
+        let context = Context {
+            evaluator: self.evaluator,
+            problem: &problem,
+            control: self.control,
+            work: self.work,
+        };
+        best_candidate(context, warm)
+    }
+
+    /// Narrows [infeasible, feasible] around the shortest time, keeping the feasible end.
+    fn narrow(&self, longest: Candidate) -> Result<Candidate> {
+        let platform = self.evaluator.platform();
+        let shortest_s = platform.motion().min_dwell_s.max(platform.period_s);
+        let log_ratio = |c: &Candidate| c.criterion.max(f64::MIN_POSITIVE).ln();
+        let mut high = (self.problem.total_time_s.ln(), log_ratio(&longest));
+        let mut best = longest;
+        // Until something fails, a line of slope −POWER stands for the other end.
+        let mut low: Option<(f64, f64)> = None;
+        for _ in 0..STEPS {
+            if self.stop() || low.is_some_and(|low| (high.0 - low.0).exp() - 1.0 < WIDTH) {
+                break;
+            }
+            let guess = match low {
+                None => high.0 + high.1 / POWER - 0.01,
+                Some(low) => low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1),
+            };
+            let total_time_s = guess.exp().max(shortest_s);
+            let starts = (self.problem.starts / 4).max(4);
+            let warm = [best.plan.clone()];
+            match self.point(total_time_s, starts, &warm) {
+                Ok(c) if c.criterion <= 1.0 => {
+                    high = (guess, log_ratio(&c));
+                    best = c;
+                    // Illinois: halve the stale end, so that it moves too.
+                    low = low.map(|(t, g)| (t, 0.5 * g));
+                }
+                Ok(c) => {
+                    low = Some((guess, log_ratio(&c)));
+                    high.1 *= 0.5;
+                }
+                Err(e) if e.is_infeasible() || e.is_numerical() => low = Some((guess, 1.0)),
+                Err(e) => return Err(e),
+            }
+            if guess <= shortest_s.ln() {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    fn stop(&self) -> bool {
+        let context = Context {
+            evaluator: self.evaluator,
+            problem: self.problem,
+            control: self.control,
+            work: self.work,
+        };
+        context.must_stop()
+    }
+
+    /// Takes off whole periods, where it costs least, as long as the specification holds.
+    fn trim(&self, mut plan: Plan) -> Plan {
+        let platform = self.evaluator.platform();
+        let period = platform.period_s;
+        let shortest_s = platform.motion().min_dwell_s.max(period);
+        loop {
+            let shorter = (0..plan.dwell_s.len()).filter_map(|k| {
+                let mut shorter = plan.clone();
+                shorter.dwell_s[k] -= period;
+                (shorter.dwell_s[k] >= shortest_s).then_some(shorter)
+            });
+            let rated = shorter.filter_map(|p| Some((self.ratio(&p)?, p)));
+            let best = rated.reduce(|best, c| if c.0 < best.0 { c } else { best });
+            match best {
+                Some((ratio, shorter)) if ratio <= 1.0 => plan = shorter,
+                _ => return plan,
+            }
+        }
+    }
+
+    /// The largest ratio of a σ to its specification, by the filter's own tick rule.
+    fn ratio(&self, plan: &Plan) -> Option<f64> {
+        self.work.count_evaluations(1);
+        let timeline = plan.timeline(self.evaluator.platform());
+        let end = self
+            .evaluator
+            .model()
+            .end_covariance(&timeline, TickRule::Filter)
+            .ok()?;
+        self.evaluator
+            .objective()
+            .criterion
+            .value(&end.coefficients)
+            .ok()
+    }
+
+    /// The nearest feasible points: what can be met in this time, what time would be enough.
+    fn infeasible(
+        &self,
+        longest: &Candidate,
+        spec_deg_per_h: &CoefficientVector,
+    ) -> Result<SearchOutcome> {
+        let mut outcome = conclude(self.evaluator, self.control, self.work, &longest.plan)?;
+        let sigma = outcome.evaluation.end.sigma_deg_per_h();
+        let mut missed: Vec<String> = Vec::new();
+        for c in DriftCoefficient::ALL {
+            let (sigma, spec) = (sigma[c.index()], spec_deg_per_h[c.index()]);
+            if sigma > spec {
+                missed.push(format!("{} ({sigma:.3e} > {spec:.3e} deg/h)", c.name()));
+            }
+        }
+        let enough = match self.time_needed(longest) {
+            Some(t) => format!("the specification can be met in {t:.0} s"),
+            None => "no test of any length that was tried meets it".to_owned(),
+        };
+        if outcome.status == Status::Converged {
+            outcome.status = Status::Infeasible;
+            outcome.reason = format!(
+                "the specification is not met in {:.0} s, missed by {}; a specification {:.4} \
+                 times as wide can be; {enough}",
+                self.problem.total_time_s,
+                missed.join(", "),
+                longest.criterion
+            );
+        }
+        Ok(outcome)
+    }
+
+    /// A time that is enough, within a few per cent of the least.
+    fn time_needed(&self, longest: &Candidate) -> Option<f64> {
+        let limit = LONGEST_TRIAL * self.problem.total_time_s;
+        let starts = (self.problem.starts / 4).max(4);
+        let (mut t, mut ratio) = (self.problem.total_time_s, longest.criterion);
+        let mut plan = longest.plan.clone();
+        while ratio > 1.0 && !self.stop() {
+            t *= ratio.powf(1.0 / POWER).max(1.02);
+            if t > limit {
+                return None;
+            }
+            let candidate = self.point(t, starts, std::slice::from_ref(&plan)).ok()?;
+            (ratio, plan) = (candidate.criterion, candidate.plan);
+        }
+        (ratio <= 1.0).then_some(t)
+    }
+}
