@@ -7,6 +7,7 @@
 //! std::process::exit(i32::from(scheme_opt::cli::run(std::env::args_os()).code()));
 //! ```
 
+mod analyze;
 mod args;
 mod evaluate;
 mod files;
@@ -16,6 +17,7 @@ mod output;
 mod progress;
 mod report;
 mod search;
+mod simulate;
 mod standard;
 mod table;
 
@@ -90,6 +92,8 @@ fn dispatch(command: &Command) -> Result<Exit> {
     match command {
         Command::Search(args) => search::run(args, output),
         Command::Evaluate(args) => evaluate::run(args, output),
+        Command::Analyze(args) => analyze::run(args, output),
+        Command::Simulate(args) => simulate::run(args, output),
         Command::Init(args) => init::run(args, output),
         Command::Standard(args) => standard::run(args, output),
     }

@@ -29,6 +29,11 @@ impl ErrorDynamics {
         }
     }
 
+    /// The Earth rate ω_ie, rad/s.
+    pub const fn rate(&self) -> f64 {
+        self.rate
+    }
+
     /// F = −[ω_ie^n ×], 1/s.
     pub fn system_matrix(&self) -> Matrix3<f64> {
         -self.rate * self.axis_cross

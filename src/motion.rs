@@ -92,7 +92,7 @@ pub struct Timeline {
 }
 
 /// Most filter periods a timeline may have: the step-by-step filter visits each of them.
-pub const MAX_FILTER_PERIODS: f64 = 2e7;
+pub const MAX_FILTER_PERIODS: f64 = 2e6;
 
 impl Timeline {
     /// Resolves `schedule` on `platform`.

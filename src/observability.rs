@@ -8,32 +8,46 @@
 //! x (order 1): A_x D = ε_x       z (order 1): A_z D − ω_N ψ_y(0) = η_z      y (order 2): A_y D = ε_y
 //! ```
 //!
-//! (the drift of ψ_y with time is known once ε_y is, so it is of order 2). The **observability
-//! order** of a combination is the smallest d such that it lies in the row space of the channels
-//! of order ≤ d; the paper's observable degree is its inverse. It is geometry only: 0.01° off an
-//! axis already counts as oblique.
+//! The **observability order** of a combination is the smallest d such that it lies in the row
+//! space of the channels of order ≤ d; the paper's observable degree is its inverse. It is
+//! geometry only: 0.01° off an axis already counts as oblique.
+//!
+//! Over a schedule the z rows share the unknown ψ_y^n(0), and the change of ψ_y^n since then is
+//! taken from (25), which holds Z̈. We follow the paper, which in (26) nevertheless counts the z
+//! channel as of order 1. Counted strictly, only the x rows are of order 1 across dwells:
+//! [`Observability::strict_orders`]. The two differ for schedules of few positions only.
 //!
 //! **Separability** measures how far: of coefficient i, ‖(I − Π_{−i}) s_i‖ / ‖s_i‖ with s_i its
 //! column of the stacked rows, each weighted by 1/σ of its channel in its dwell, and Π_{−i} the
 //! projector on the other columns. 1: its signature is its own; 0: not separable.
 
+pub mod advice;
+pub mod analysis;
+pub mod classical;
+mod combinations;
+pub mod levelling;
+pub mod reconstruction;
 mod regressor;
+mod row_space;
 pub mod separability;
+pub mod solution;
+pub mod suggest;
+pub mod weak;
 
-use faer::Mat;
+use serde::{Deserialize, Serialize};
 
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
+pub use combinations::Combination;
 pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
-
-/// Relative size below which a singular value counts as zero, and a residual as none.
-const RANK_TOLERANCE: f64 = 1e-9;
+use row_space::RowSpace;
 
 /// Observability order: the highest derivative of the measurement that a solution needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(into = "u8", try_from = "u8")]
 pub enum Order {
     /// From the measurement itself.
     Zero,
@@ -54,17 +68,42 @@ impl Order {
     }
 }
 
+impl From<Order> for u8 {
+    fn from(order: Order) -> Self {
+        order.number()
+    }
+}
+
+impl TryFrom<u8> for Order {
+    type Error = String;
+
+    fn try_from(number: u8) -> std::result::Result<Self, String> {
+        [Self::Zero, Self::First, Self::Second]
+            .into_iter()
+            .find(|order| order.number() == number)
+            .ok_or_else(|| format!("{number} is not an observability order: 0, 1 or 2"))
+    }
+}
+
 /// What a schedule makes observable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observability {
     /// Order of each coefficient; none: not observable.
     pub orders: [Option<Order>; COEFFICIENTS],
+    /// The same counted strictly: without the z channels, whose comparison between dwells takes
+    /// the change of ψ_y^n from Z̈, see the module text.
+    pub strict_orders: [Option<Order>; COEFFICIENTS],
     /// Separability of each coefficient by the order-1 channels alone, 0 to 1.
     pub separability_first_order: CoefficientVector,
     /// Separability of each coefficient by all channels, 0 to 1.
     pub separability: CoefficientVector,
     /// Rank of the rows of all channels.
     pub rank: usize,
+    /// Rank of the rows of the channels of order 1 and below; at most one less than there are
+    /// unknowns, for these never see D_IX + D_IY + D_IZ.
+    pub rank_first_order: usize,
+    /// Rank of the x rows alone, over the coefficients: 11 at best.
+    pub rank_x: usize,
     /// Number of unknowns: the coefficients and ω_N ψ_y(0), the latter not at the poles.
     pub unknowns: usize,
     /// Condition number of the weighted rows, columns scaled to length one; infinite when the
@@ -72,6 +111,49 @@ pub struct Observability {
     pub condition_number: f64,
     /// The combinations that stay unobservable, by name.
     pub unobservable: Vec<String>,
+    /// The same as combinations.
+    pub unobservable_combinations: Vec<Combination>,
+    spaces: Spaces,
+}
+
+/// What the channels span, from fewer channels to more.
+#[derive(Debug, Clone, PartialEq)]
+struct Spaces {
+    zero: RowSpace<UNKNOWNS>,
+    x: RowSpace<UNKNOWNS>,
+    first: RowSpace<UNKNOWNS>,
+    all: RowSpace<UNKNOWNS>,
+}
+
+impl Spaces {
+    fn of(regressor: &Regressor) -> Result<Self> {
+        let space = |channels: &[Channel]| RowSpace::of(&regressor.geometry(channels));
+        Ok(Self {
+            zero: space(&[Channel::Azimuth])?,
+            x: space(&[Channel::X])?,
+            first: space(&Channel::FIRST)?,
+            all: space(&Channel::ALL)?,
+        })
+    }
+
+    fn order_of(&self, combination: &Combination) -> Option<Order> {
+        let vector = combination.as_array();
+        [
+            (&self.zero, Order::Zero),
+            (&self.first, Order::First),
+            (&self.all, Order::Second),
+        ]
+        .into_iter()
+        .find_map(|(space, order)| space.contains(vector).then_some(order))
+    }
+
+    fn strict_order_of(&self, combination: &Combination) -> Option<Order> {
+        let by_x = self.x.contains(combination.as_array());
+        match self.order_of(combination) {
+            Some(Order::First) if !by_x => Some(Order::Second),
+            order => order,
+        }
+    }
 }
 
 impl Observability {
@@ -83,131 +165,66 @@ impl Observability {
     pub fn analyze(model: &CovarianceModel, timeline: &Timeline) -> Result<Self> {
         let regressor = Regressor::new(model, timeline);
         let unknowns = regressor.unknowns();
-        let first = RowSpace::of(&regressor.geometry(&[Channel::X, Channel::Z]))?;
-        let all = RowSpace::of(&regressor.geometry(&[Channel::X, Channel::Z, Channel::Y]))?;
-        let orders = DriftCoefficient::ALL.map(|c| {
-            if first.contains_unit(c.index()) {
-                Some(Order::First)
-            } else if all.contains_unit(c.index()) {
-                Some(Order::Second)
-            } else {
-                None
-            }
-        });
+        let spaces = Spaces::of(&regressor)?;
         let (separability_first_order, _) =
-            separability::by_svd(&regressor.weighted(&[Channel::X, Channel::Z]))?;
+            separability::by_svd(&regressor.weighted(&Channel::FIRST))?;
         let (separability, condition_number) =
-            separability::by_svd(&regressor.weighted(&[Channel::X, Channel::Z, Channel::Y]))?;
+            separability::by_svd(&regressor.weighted(&Channel::ALL))?;
+        let missing = spaces.all.missing(unknowns);
+        let unobservable_combinations: Vec<Combination> =
+            missing.into_iter().map(Combination::from_array).collect();
+        let each = DriftCoefficient::ALL.map(Combination::single);
         Ok(Self {
-            orders,
+            orders: each.map(|c| spaces.order_of(&c)),
+            strict_orders: each.map(|c| spaces.strict_order_of(&c)),
             separability_first_order,
             separability,
-            rank: all.rank(),
+            rank: spaces.all.rank(),
+            rank_first_order: spaces.first.rank(),
+            rank_x: spaces.x.rank(),
             unknowns,
             condition_number,
-            unobservable: all.missing_combinations(unknowns),
+            unobservable: unobservable_combinations
+                .iter()
+                .map(Combination::to_string)
+                .collect(),
+            unobservable_combinations,
+            spaces,
         })
     }
-}
 
-/// An orthonormal basis of the row space of some rows.
-struct RowSpace {
-    /// Basis vectors.
-    basis: Vec<[f64; UNKNOWNS]>,
-}
-
-impl RowSpace {
-    fn of(rows: &[[f64; UNKNOWNS]]) -> Result<Self> {
-        if rows.is_empty() {
-            return Ok(Self { basis: Vec::new() });
-        }
-        let matrix = Mat::from_fn(rows.len(), UNKNOWNS, |i, j| rows[i][j]);
-        let svd = matrix.thin_svd().map_err(|_| svd_failed())?;
-        let values = svd.S().column_vector();
-        let largest = values[0];
-        let basis = (0..values.nrows())
-            .filter(|&k| values[k] > RANK_TOLERANCE * largest)
-            .map(|k| std::array::from_fn(|j| svd.V()[(j, k)]))
-            .collect();
-        Ok(Self { basis })
+    /// Order of any combination; none: not observable, or nothing but zeros.
+    ///
+    /// ```
+    /// use scheme_opt::covariance::CovarianceModel;
+    /// use scheme_opt::drift::DriftCoefficient as D;
+    /// use scheme_opt::motion::Timeline;
+    /// use scheme_opt::observability::{Combination, Observability, Order};
+    /// use scheme_opt::platform::PlatformConfig;
+    /// use scheme_opt::schedule::standard::StandardScheme;
+    /// let platform = PlatformConfig::default().check()?;
+    /// let order_at = |scheme: StandardScheme| {
+    ///     let schedule = scheme.schedule(12_000.0, &platform)?;
+    ///     let timeline = Timeline::new(&platform, &schedule)?;
+    ///     let o = Observability::analyze(&CovarianceModel::new(&platform), &timeline)?;
+    ///     Ok::<_, scheme_opt::Error>(o.order_of(&Combination::of(&[(D::IX, 1.0), (D::IY, -1.0)])))
+    /// };
+    /// assert_eq!(order_at(StandardScheme::Axis24)?, Some(Order::Second));
+    /// assert_eq!(order_at(StandardScheme::Icosahedron12)?, Some(Order::First));
+    /// # Ok::<(), scheme_opt::Error>(())
+    /// ```
+    pub fn order_of(&self, combination: &Combination) -> Option<Order> {
+        self.spaces.order_of(combination)
     }
 
-    fn rank(&self) -> usize {
-        self.basis.len()
-    }
-
-    /// What is left of unit vector `i` outside the space.
-    fn residual(&self, i: usize) -> [f64; UNKNOWNS] {
-        let mut rest = [0.0; UNKNOWNS];
-        rest[i] = 1.0;
-        for b in &self.basis {
-            let along = b[i];
-            for (r, v) in rest.iter_mut().zip(b) {
-                *r -= along * v;
-            }
-        }
-        rest
-    }
-
-    fn contains_unit(&self, i: usize) -> bool {
-        self.residual(i).iter().all(|r| r.abs() < 1e-7)
-    }
-
-    /// The orthogonal complement within the first `unknowns` coordinates, as readable
-    /// combinations: reduced to echelon form, so that each starts with a coefficient of one.
-    fn missing_combinations(&self, unknowns: usize) -> Vec<String> {
-        let mut rows: Vec<[f64; UNKNOWNS]> = (0..unknowns).map(|i| self.residual(i)).collect();
-        let mut echelon: Vec<[f64; UNKNOWNS]> = Vec::new();
-        for column in 0..unknowns {
-            let pivot = (0..rows.len())
-                .max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()));
-            let Some(pivot) = pivot else { break };
-            if rows[pivot][column].abs() < 1e-7 {
-                continue;
-            }
-            let mut row = rows.swap_remove(pivot);
-            let scale = row[column];
-            row.iter_mut().for_each(|v| *v /= scale);
-            for other in rows.iter_mut().chain(echelon.iter_mut()) {
-                let factor = other[column];
-                for (o, r) in other.iter_mut().zip(&row) {
-                    *o -= factor * r;
-                }
-            }
-            echelon.push(row);
-        }
-        echelon.iter().map(name_combination).collect()
+    /// Order of any combination counted strictly, see [`Observability::strict_orders`].
+    pub fn strict_order_of(&self, combination: &Combination) -> Option<Order> {
+        self.spaces.strict_order_of(combination)
     }
 }
 
 fn svd_failed() -> Error {
     Error::numerical("the singular value decomposition of the regressor did not converge")
-}
-
-/// "D_IX + D_IY + 0.5 D_IZ".
-fn name_combination(row: &[f64; UNKNOWNS]) -> String {
-    let mut text = String::new();
-    for (i, &value) in row.iter().enumerate() {
-        if value.abs() < 1e-6 {
-            continue;
-        }
-        let name = match DriftCoefficient::ALL.get(i) {
-            Some(c) => c.name(),
-            None => "omega_N psi_y(0)",
-        };
-        let sign = match (text.is_empty(), value < 0.0) {
-            (true, false) => "",
-            (true, true) => "-",
-            (false, false) => " + ",
-            (false, true) => " - ",
-        };
-        text.push_str(sign);
-        if (value.abs() - 1.0).abs() > 1e-6 {
-            text.push_str(&format!("{:.3} ", value.abs()));
-        }
-        text.push_str(name);
-    }
-    text
 }
 
 #[cfg(test)]

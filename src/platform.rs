@@ -244,6 +244,12 @@ impl Platform {
     pub fn prior_drift_rad_per_s(&self) -> &CoefficientVector {
         &self.prior_drift_rad_per_s
     }
+    /// The shortest dwell that a search proposes, s: the minimum dwell in whole filter periods,
+    /// one at least.
+    pub fn shortest_dwell_s(&self) -> f64 {
+        let periods = (self.motion.min_dwell_s / self.period_s - 1e-9).ceil();
+        periods.max(1.0) * self.period_s
+    }
     /// The gimbals.
     pub fn gimbals(&self) -> &Gimbals {
         &self.gimbals

@@ -7,7 +7,9 @@
 //!
 //! Fields may be added within a major version; none is renamed or dropped.
 
+mod analysis;
 mod layout;
+mod simulation;
 
 use std::collections::BTreeMap;
 
@@ -22,8 +24,19 @@ use crate::evaluate::{Evaluation, Objective, Score};
 use crate::observability::Observability;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
-use crate::search::{Counters, SearchOutcome};
+use crate::search::{Counters, FrontPoint, SearchOutcome};
 use crate::study::StudyConfig;
+pub use analysis::{
+    ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
+    AnalysisDocument, CorrelationRecord, Correlations, PiecewiseConstantRecord,
+    ReconstructionRecord, SeenRecord, StandingRecord, StateRecord, SuggestionRecord, TermRecord,
+    WeakRecord,
+};
+
+pub use simulation::{
+    SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment, SimulatedPosition,
+    SimulationDocument, SweepRecord,
+};
 
 /// Name and major version of the [`EvaluationDocument`].
 pub const EVALUATION_SCHEMA: &str = "scheme-opt/evaluation/1";
@@ -207,6 +220,9 @@ pub struct ResultDocument {
     pub baselines: Vec<BaselineRecord>,
     /// The standard schemes that cannot be run on this platform in this time.
     pub baselines_skipped: Vec<SkippedBaseline>,
+    /// In mode `pareto`, the front of total time against criterion, shortest test first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pareto: Vec<ParetoRecord>,
     /// Work done.
     pub counters: CounterRecord,
     /// Seed of the random streams.
@@ -219,6 +235,30 @@ pub struct ResultDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+}
+
+/// One point of the front of total time against criterion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParetoRecord {
+    /// Duration of the test, moves and settles included, s.
+    pub total_time_s: f64,
+    /// Value of the criterion, in the score's `criterion_unit`.
+    pub criterion: f64,
+    /// √(mean of the coefficient variances), °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// The schedule.
+    pub schedule: ScheduleDocument,
+}
+
+impl From<&FrontPoint> for ParetoRecord {
+    fn from(point: &FrontPoint) -> Self {
+        Self {
+            total_time_s: point.total_time_s,
+            criterion: point.evaluation.score.criterion,
+            rms_sigma_deg_per_h: point.evaluation.rms_sigma_deg_per_h(),
+            schedule: ScheduleDocument::from(&point.schedule),
+        }
+    }
 }
 
 /// A standard scheme beside the schedule found.
@@ -435,6 +475,7 @@ impl ResultDocument {
             baselines: compared(baselines, &evaluation),
             baselines_skipped: skipped(baselines),
             evaluation,
+            pareto: outcome.front.iter().map(ParetoRecord::from).collect(),
             counters: CounterRecord::from(&outcome.counters),
             seed,
             wall_time_s: wall_time_s.and_then(finite),
@@ -452,11 +493,11 @@ impl ResultDocument {
         to_json(self)
     }
 
-    /// The baseline with the smallest RMS σ, if any could be run.
+    /// The baseline that is best by the criterion of the search, if any could be run.
     pub fn best_baseline(&self) -> Option<&BaselineRecord> {
         self.baselines
             .iter()
-            .min_by(|a, b| a.rms_sigma_deg_per_h.total_cmp(&b.rms_sigma_deg_per_h))
+            .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
     }
 }
 

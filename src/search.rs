@@ -24,11 +24,16 @@ mod progress;
 pub mod propose;
 pub mod refine;
 pub mod shortest;
+mod table;
+mod tumbling;
 pub mod variables;
 
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
+use crate::motion::MAX_FILTER_PERIODS;
+use crate::platform::Repositioning;
 use crate::schedule::Schedule;
+pub use front::FrontPoint;
 use pipeline::{Context, Work, best_candidate};
 pub use progress::{Control, Phase, Progress};
 
@@ -45,7 +50,8 @@ pub struct SearchProblem {
     pub seed: u64,
     /// A position is dropped when the score gets worse by less than this without it.
     pub position_tolerance: f64,
-    /// Measured continuous moves as part of the schedule; this search does not plan them yet.
+    /// Whether the platform may turn slowly while it measures ([`tumbling`] in mode
+    /// `accuracy`): each position then is a measured continuous move.
     pub allow_tumbling: bool,
 }
 
@@ -109,6 +115,9 @@ pub struct SearchOutcome {
     pub schedule: Schedule,
     /// Its evaluation, both computations agreeing.
     pub evaluation: Evaluation,
+    /// In mode `pareto` the front of total time against criterion, shortest test first; its
+    /// last point is the schedule above. Empty otherwise.
+    pub front: Vec<FrontPoint>,
     /// Work done.
     pub counters: Counters,
 }
@@ -138,7 +147,15 @@ pub fn search(
     };
     let best = best_candidate(context, &[])?;
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
-    conclude(evaluator, control, &work, &best.plan)
+    let mut schedule = best.plan.to_schedule()?;
+    if problem.allow_tumbling && !context.must_stop() {
+        if let Some((criterion, turning)) = tumbling::tumble(context, &best.plan)
+            && criterion < best.criterion
+        {
+            schedule = turning;
+        }
+    }
+    conclude(evaluator, control, &work, schedule)
 }
 
 /// Evaluates the winner by both computations and says how the search ended.
@@ -146,9 +163,8 @@ pub(crate) fn conclude(
     evaluator: &Evaluator,
     control: &Control<'_>,
     work: &Work,
-    plan: &variables::Plan,
+    schedule: Schedule,
 ) -> Result<SearchOutcome> {
-    let schedule = plan.to_schedule()?;
     let evaluation = evaluator.evaluate(&schedule)?;
     let (status, reason) = verdict(evaluator, control, work, &evaluation);
     Ok(SearchOutcome {
@@ -156,26 +172,57 @@ pub(crate) fn conclude(
         reason,
         schedule,
         evaluation,
+        front: Vec::new(),
         counters: work.counters(),
     })
 }
 
 /// What this search cannot plan is refused, not quietly left out.
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
-    if evaluator.platform().gimbals().step_rad.is_some() {
-        return Err(
-            Error::input("the search does not place positions on an index table yet")
-                .with_key("gimbals.step_deg")
-                .with_allowed("left out for a search; an evaluation takes it"),
-        );
+    let empty = table::Table::new(evaluator.platform()).is_some_and(|t| t.is_empty());
+    if empty {
+        return Err(Error::infeasible(
+            "no multiple of the index step lies within a gimbal's range",
+        )
+        .with_key("gimbals.step_deg"));
     }
+    let motion = evaluator.platform().motion();
     if problem.allow_tumbling {
-        return Err(
-            Error::input("the search does not plan continuous moves yet")
+        let why = match (
+            evaluator.platform().gimbals().step_rad,
+            motion.repositioning,
+        ) {
+            (Some(_), _) => Some("an index table (gimbals.step_deg) does not turn continuously"),
+            (_, Repositioning::FrameHold) => Some("in frame-hold repositioning moves take no time"),
+            _ => None,
+        };
+        if let Some(why) = why {
+            return Err(Error::input(why)
                 .with_key("search.allow_tumbling")
                 .with_value(true)
-                .with_allowed("false; an evaluation takes measured moves"),
-        );
+                .with_allowed("false"));
+        }
+    }
+    if evaluator.model().prior_sigma_deg_per_h().max() == 0.0 {
+        return Err(Error::input(
+            "every drift coefficient is known exactly: there is nothing to calibrate",
+        )
+        .with_key("prior"));
+    }
+    if problem.total_time_s.is_nan() || problem.total_time_s <= 0.0 {
+        let key = "objective.total_time_s";
+        return Err(Error::out_of_range(
+            key,
+            problem.total_time_s,
+            "greater than 0",
+        ));
+    }
+    let periods = problem.total_time_s / evaluator.platform().period_s;
+    if periods > MAX_FILTER_PERIODS {
+        return Err(Error::input("the test has too many filter periods")
+            .with_key("objective.total_time_s")
+            .with_value(problem.total_time_s)
+            .with_allowed(format!("at most {MAX_FILTER_PERIODS:e} filter periods")));
     }
     Ok(())
 }
@@ -188,7 +235,7 @@ fn verdict(
     evaluation: &Evaluation,
 ) -> (Status, String) {
     let cut_short = work.was_cut_short();
-    if cut_short && control.is_cancelled() {
+    if control.is_cancelled() {
         return (
             Status::Interrupted,
             "interrupted; the schedule is the best found so far".to_owned(),
@@ -213,8 +260,8 @@ fn verdict(
     }
     (
         Status::Converged,
-        "all starts were refined to convergence and the winner was confirmed by the \
-         step-by-step filter"
+        "all starts were screened, the best refined to convergence, and the winner was \
+         confirmed by the step-by-step filter"
             .to_owned(),
     )
 }

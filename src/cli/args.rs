@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::simulate::{FilterModel, TruthModel};
 use crate::study::{CriterionKind, Mode};
 
 const ABOUT: &str =
@@ -33,6 +34,10 @@ pub(super) enum Command {
     Search(SearchArgs),
     /// Score a given schedule
     Evaluate(EvaluateArgs),
+    /// Say what a given schedule makes observable, why, and what to add
+    Analyze(AnalyzeArgs),
+    /// Play a given schedule through: true platform, filter, consistency over many runs
+    Simulate(SimulateArgs),
     /// Write a commented platform file
     Init(InitArgs),
     /// List the built-in schemes, or write one
@@ -45,6 +50,8 @@ impl Command {
         match self {
             Self::Search(a) => a.common.messages.quiet,
             Self::Evaluate(a) => a.common.messages.quiet,
+            Self::Analyze(a) => a.common.messages.quiet,
+            Self::Simulate(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
         }
@@ -154,6 +161,62 @@ pub(super) struct EvaluateArgs {
     pub common: Common,
 }
 
+/// `analyze`.
+#[derive(Debug, Args)]
+pub(super) struct AnalyzeArgs {
+    /// Schedule to analyse, JSON or CSV
+    #[arg(short, long, value_name = "FILE")]
+    pub schedule: PathBuf,
+    /// Platform file; without one, the built-in platform
+    #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `simulate`.
+#[derive(Debug, Args)]
+pub(super) struct SimulateArgs {
+    /// Schedule to simulate, JSON or CSV
+    #[arg(short, long, value_name = "FILE")]
+    pub schedule: PathBuf,
+    /// Platform file; without one, the built-in platform
+    #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
+    /// How many runs, each with its own truth and noise
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 500,
+        allow_negative_numbers = true
+    )]
+    pub runs: usize,
+    /// Directory to write simulation.json, curves.csv, curves.svg and errors.svg to
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Equations of the true platform
+    #[arg(long, value_name = "MODEL", default_value = TruthModel::default().name(),
+          value_parser = truths())]
+    pub truth: TruthModel,
+    /// What the filter linearises about: zero, its estimate, or that of the whole test
+    #[arg(long, value_name = "MODEL", default_value = FilterModel::default().name(),
+          value_parser = filters())]
+    pub filter: FilterModel,
+    /// Tell the filter this many times the true noise, to see it misjudge itself
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub told_noise_factor: f64,
+    /// Also find out how large a prior misalignment and drift the linearisation bears
+    #[arg(long)]
+    pub sweep: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
 /// `init`.
 #[derive(Debug, Args)]
 pub(super) struct InitArgs {
@@ -208,4 +271,18 @@ fn modes() -> impl TypedValueParser<Value = Mode> {
 fn criteria() -> impl TypedValueParser<Value = CriterionKind> {
     PossibleValuesParser::new(CriterionKind::ALL.map(CriterionKind::name))
         .try_map(|name| CriterionKind::from_name(&name))
+}
+
+fn truths() -> impl TypedValueParser<Value = TruthModel> {
+    PossibleValuesParser::new(TruthModel::ALL.map(TruthModel::name)).map(|name| {
+        let known = TruthModel::ALL.into_iter().find(|m| m.name() == name);
+        known.unwrap_or_default()
+    })
+}
+
+fn filters() -> impl TypedValueParser<Value = FilterModel> {
+    PossibleValuesParser::new(FilterModel::ALL.map(FilterModel::name)).map(|name| {
+        let known = FilterModel::ALL.into_iter().find(|m| m.name() == name);
+        known.unwrap_or_default()
+    })
 }

@@ -90,6 +90,19 @@ pub(super) fn load_with_total_time(
     checked(source, &[total_time]).map(|(study, _)| study)
 }
 
+/// The threads that the study asks for.
+pub(super) fn thread_pool(study: &Study) -> Result<rayon::ThreadPool> {
+    let threads = study.search().threads.unwrap_or(0);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| {
+            Error::input(format!("cannot start the threads: {e}"))
+                .with_key("search.threads")
+                .with_value(threads)
+        })
+}
+
 fn source(platform: Option<&Path>) -> Result<StudySource> {
     match platform {
         Some(path) => StudySource::read(path),

@@ -1,17 +1,18 @@
 //! The progress display of a search: on a terminal only, on stderr.
 
+use std::fmt::Write;
 use std::io::IsTerminal;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::search::{Phase, Progress};
 
 use super::output::Output;
 
 /// Bar, count, rate, best so far and time left.
-const TEMPLATE: &str = "{prefix:<9} [{bar:20}] {pos}/{len}  {per_sec:.1}  {msg}  ETA {eta}";
+const TEMPLATE: &str = "{prefix:<9} [{bar:20}] {pos}/{len}  {rate}  {msg}  ETA {eta}";
 
 /// Shows what a search is doing.
 pub(super) struct ProgressDisplay {
@@ -35,10 +36,13 @@ impl ProgressDisplay {
             ProgressBar::hidden()
         };
         if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
+            let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn Write| {
+                let rate = state.per_sec();
+                let decimals = if rate < 10.0 { 1 } else { 0 };
+                // There is nowhere to report that a progress bar cannot be drawn.
+                let _ = write!(out, "{rate:.decimals$}/s");
+            });
             bar.set_style(style.progress_chars("=> "));
-        }
-        if visible {
-            bar.enable_steady_tick(Duration::from_millis(250));
         }
         Self {
             bar,
@@ -53,6 +57,9 @@ impl ProgressDisplay {
     /// Takes a report; they come from several threads, in no fixed order.
     pub(super) fn report(&self, progress: &Progress) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.phase.is_none() {
+            self.bar.enable_steady_tick(Duration::from_millis(250));
+        }
         if state.phase != Some(progress.phase) {
             state.phase = Some(progress.phase);
             state.done = 0;
@@ -69,6 +76,11 @@ impl ProgressDisplay {
             let best = super::table::number(criterion);
             self.bar.set_message(format!("best {best}"));
         }
+    }
+
+    /// The bar, for messages that must not be drawn over.
+    pub(super) fn bar(&self) -> ProgressBar {
+        self.bar.clone()
     }
 
     /// Removes the display.

@@ -3,6 +3,7 @@
 use crate::motion::Timeline;
 use crate::platform::Platform;
 use crate::results::{EvaluationDocument, ResultDocument};
+use crate::search::Status;
 
 use super::table;
 
@@ -18,8 +19,17 @@ pub(super) fn search(
 ) -> String {
     let found = &document.evaluation;
     let mut text = verdict(document);
-    if document.status != "converged" {
+    if document.status != Status::Converged.name() {
         text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
+    }
+    if !document.pareto.is_empty() {
+        text.push_str("\nTotal time against criterion; what follows is the longest test\n\n");
+        let score = &found.score;
+        text.push_str(&table::front(
+            &score.criterion_name,
+            &score.criterion_unit,
+            &document.pareto,
+        ));
     }
     text.push_str("\nSchedule\n\n");
     text.push_str(&table::schedule(platform, timeline));
@@ -41,12 +51,22 @@ pub(super) fn search(
     text
 }
 
-/// The result in one line.
+/// The result in one line: accuracy, effort, and what the standard schemes make of the same time
+/// by the criterion of the search.
 fn verdict(document: &ResultDocument) -> String {
     let found = &document.evaluation;
+    let score = &found.score;
     let positions = found.schedule.positions.len();
+    let searched_for = match score.criterion_name.as_str() {
+        "a" => String::new(),
+        name => format!(
+            ", criterion {name} {} {}",
+            table::number(score.criterion),
+            score.criterion_unit
+        ),
+    };
     let comparison = document.best_baseline().map_or_else(String::new, |best| {
-        let ratio = best.ratio.unwrap_or(f64::INFINITY);
+        let ratio = best.criterion_ratio.unwrap_or(f64::INFINITY);
         let compared = match ratio {
             r if r >= 1.005 => format!("{r:.2} times better than"),
             r if r <= 0.995 => format!("{:.2} times worse than", 1.0 / r),
@@ -55,7 +75,7 @@ fn verdict(document: &ResultDocument) -> String {
         format!(": {compared} the best standard scheme ({})", best.name)
     });
     format!(
-        "RMS sigma {} deg/h in {} s with {positions} position{}{comparison}\n",
+        "RMS sigma {} deg/h{searched_for} in {} s with {positions} position{}{comparison}\n",
         table::number(found.rms_sigma_deg_per_h),
         table::seconds(found.total_time_s),
         if positions == 1 { "" } else { "s" },
@@ -158,7 +178,7 @@ fn observability(document: &EvaluationDocument) -> String {
 }
 
 /// Breaks running text into lines.
-fn wrap(text: &str) -> String {
+pub(super) fn wrap(text: &str) -> String {
     let mut lines = String::new();
     let mut width = 0;
     for word in text.split_whitespace() {

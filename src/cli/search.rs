@@ -4,12 +4,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use indicatif::ProgressBar;
+
 use crate::baseline::baselines;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
 use crate::results::{Inputs, ResultDocument};
 use crate::schedule::file::{to_csv, to_json};
+use crate::search::front::front;
+use crate::search::shortest::shortest;
 use crate::search::{Control, SearchOutcome, Status, search};
 use crate::study::{Mode, Study};
 
@@ -29,7 +33,6 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let platform = args.platform.as_deref();
     let (study, inputs) = inputs::load(platform, &args.common, args.starts)?;
     let in_file = |e| name_file(e, args);
-    check_mode(&study).map_err(in_file)?;
     let evaluator = study.evaluator();
     let files = OutputFiles::prepare(&args.output, &FILES)?;
     let outcome = run_search(&study, &evaluator, files.litter(), output).map_err(in_file)?;
@@ -72,20 +75,6 @@ fn name_file(error: Error, args: &SearchArgs) -> Error {
     }
 }
 
-/// Refuses what this version does not plan for.
-fn check_mode(study: &Study) -> Result<()> {
-    let mode = study.objective().mode;
-    if mode != Mode::Accuracy {
-        return Err(
-            Error::input("`search` plans in mode \"accuracy\" in this version")
-                .with_key("objective.mode")
-                .with_value(format!("\"{}\"", mode.name()))
-                .with_allowed("\"accuracy\""),
-        );
-    }
-    Ok(())
-}
-
 /// The search on its own threads, watched and stoppable.
 fn run_search(
     study: &Study,
@@ -93,22 +82,19 @@ fn run_search(
     litter: Litter,
     output: Output,
 ) -> Result<SearchOutcome> {
-    let threads = study.search().threads.unwrap_or(0);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| {
-            Error::input(format!("cannot start the threads: {e}"))
-                .with_key("search.threads")
-                .with_value(threads)
-        })?;
+    let pool = inputs::thread_pool(study)?;
     let cancel = Arc::new(AtomicBool::new(false));
-    cancel_on_signal(Arc::clone(&cancel), litter, output);
     let display = ProgressDisplay::new(output);
+    cancel_on_signal(Arc::clone(&cancel), display.bar(), litter, output);
     let report = |p: &_| display.report(p);
     let deadline = study.search().time_limit_s.and_then(deadline_after);
     let control = Control::new(&cancel, &report).with_deadline(deadline);
-    let outcome = pool.install(|| search(evaluator, &study.search_problem(), &control));
+    let problem = study.search_problem();
+    let outcome = pool.install(|| match study.objective().mode {
+        Mode::Accuracy => search(evaluator, &problem, &control),
+        Mode::Time => shortest(evaluator, &problem, &control),
+        Mode::Pareto => front(evaluator, &problem, study.search().front_points, &control),
+    });
     display.finish();
     outcome
 }
@@ -120,13 +106,17 @@ fn deadline_after(limit_s: f64) -> Option<Instant> {
 }
 
 /// The first signal asks the search for its best so far, the second ends the process.
-fn cancel_on_signal(cancel: Arc<AtomicBool>, litter: Litter, output: Output) {
+fn cancel_on_signal(cancel: Arc<AtomicBool>, bar: ProgressBar, litter: Litter, output: Output) {
     let installed = ctrlc::set_handler(move || {
         if cancel.swap(true, Ordering::SeqCst) {
             litter.remove();
             std::process::exit(i32::from(Exit::Interrupted.code()));
         }
-        output.message("interrupted: writing the best schedule so far; once more to stop at once");
+        bar.suspend(|| {
+            output.message(
+                "interrupted: writing the best schedule so far; once more to stop at once",
+            );
+        });
     });
     if let Err(e) = installed {
         output.message(&format!("note: an interruption will lose the search: {e}"));
@@ -144,7 +134,12 @@ fn document(
         // Reproducible: the number of threads has no part in the result.
         inputs.config.search.threads = None;
     }
-    let baselines = baselines(evaluator, study.objective().total_time_s);
+    // The shortest test may end before the time allowed; the schemes get no more than it.
+    let total_time_s = match study.objective().mode {
+        Mode::Time => outcome.evaluation.total_time_s,
+        Mode::Accuracy | Mode::Pareto => study.objective().total_time_s,
+    };
+    let baselines = baselines(evaluator, total_time_s);
     ResultDocument::new(
         outcome,
         &baselines,

@@ -5,7 +5,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table};
 
 use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
-use crate::results::{BaselineRecord, EvaluationDocument};
+use crate::results::{BaselineRecord, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
 
 /// The widest table, columns.
@@ -44,14 +44,17 @@ fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Align {
+pub(super) enum Align {
     Left,
     Right,
 }
 use Align::{Left, Right};
 
 /// A table of these columns; ends with a line break.
-fn render<const N: usize>(columns: [(&str, Align); N], rows: Vec<[String; N]>) -> String {
+pub(super) fn render<const N: usize>(
+    columns: [(&str, Align); N],
+    rows: Vec<[String; N]>,
+) -> String {
     let mut table = Table::new();
     table
         .load_style(ASCII_MARKDOWN)
@@ -233,6 +236,26 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
         let rows = rows.map(|[a, b, c, d, ..]| [a, b, c, d]);
         return render([scheme, positions, rms, rms_ratio], rows.collect());
     }
+    render(columns, rows.collect())
+}
+
+/// The front of total time against criterion.
+pub(super) fn front(criterion_name: &str, criterion_unit: &str, front: &[ParetoRecord]) -> String {
+    let criterion = format!("{criterion_name}, {criterion_unit}");
+    let columns = [
+        ("total time, s", Right),
+        (criterion.as_str(), Right),
+        ("RMS sigma, deg/h", Right),
+        ("positions", Right),
+    ];
+    let rows = front.iter().map(|p| {
+        [
+            number(p.total_time_s),
+            number(p.criterion),
+            number(p.rms_sigma_deg_per_h),
+            p.schedule.positions.len().to_string(),
+        ]
+    });
     render(columns, rows.collect())
 }
 

@@ -15,6 +15,7 @@ use super::Move;
 use crate::attitude::Position;
 use crate::drift::{DriftMatrix, drift_matrix, drift_matrix_adjoint, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
+use crate::units::EARTH_RATE_RAD_PER_S;
 
 /// A Gauss–Legendre rule on [0, 1]: nodes and weights.
 struct Rule {
@@ -54,10 +55,11 @@ static RULES: LazyLock<[(f64, Rule); 4]> = LazyLock::new(|| {
     [(0.5, 6), (1.5, 8), (4.5, 12), (8.0, 16)].map(|(kappa, n)| (kappa, Rule::gauss_legendre(n)))
 });
 
-/// Half the phase that the integrand runs through in `length_s` of the move.
+/// Half the phase that the integrand runs through in `length_s` of the move: the gimbals' turn,
+/// and the Earth's in Φ.
 fn half_phase(m: &Move, length_s: f64) -> f64 {
     let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
-    turn * length_s / m.duration_s
+    turn * length_s / m.duration_s + 0.5 * EARTH_RATE_RAD_PER_S * length_s
 }
 
 /// The rule and number of panels for half a phase of `kappa`.
@@ -199,6 +201,19 @@ mod tests {
                 assert!(error < 1e-12 * length, "{change:?}: {error:e}");
             }
         }
+    }
+
+    #[test]
+    fn a_slow_move_follows_the_earth() {
+        let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
+        let m = Move {
+            from: [0.0; 3],
+            change: [0.02, 0.0, 0.0],
+            duration_s: 2e5,
+            measured: false,
+        };
+        let error = (m.drift_integral(&dynamics, 0.0, 2e5) - fine(&m, &dynamics, 0.0, 2e5)).amax();
+        assert!(error < 1e-12 * 2e5, "{error:e}");
     }
 
     #[test]

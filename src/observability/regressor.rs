@@ -1,15 +1,24 @@
 //! The stacked rows of a schedule: one per channel and position, in the unknowns D, ω_N ψ_y(0).
+//!
+//! In `slew` repositioning ψ^n is continuous and every z row holds −ω_N ψ_y(0). In `frame-hold`
+//! repositioning ψ^n ← Q ψ^n with Q = C_{k+1} C_kᵀ at every change of position, so that
+//! ψ_y(t_k) = q_k ψ_y(0) plus what is known, q_{k+1} = Q_yy q_k. And where Q tilts the vertical,
+//! part of ψ_y comes out in ψ_x and ψ_z, which Z shows by itself: the [`Channel::Azimuth`], of
+//! order 0, which the slewing platform does not have.
 
+use super::Order;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
 use crate::drift::{COEFFICIENTS, DriftMatrix, drift_matrix};
 use crate::motion::Timeline;
+use serde::{Deserialize, Serialize};
 
 /// D and ω_N ψ_y(0).
 pub(crate) const UNKNOWNS: usize = COEFFICIENTS + 1;
 
 /// A channel of the reconstruction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Channel {
     /// ε_x^n, from Ż (15): order 1.
     X,
@@ -17,18 +26,60 @@ pub enum Channel {
     Z,
     /// ε_y^n, from Z̈ (16): order 2.
     Y,
+    /// ω_N ψ_y^n, from what a change of position in frame-hold repositioning moves into ψ_x^n
+    /// and ψ_z^n, (13) and (14): order 0.
+    Azimuth,
 }
 
 impl Channel {
+    /// All channels.
+    pub(crate) const ALL: [Self; 4] = [Self::X, Self::Z, Self::Y, Self::Azimuth];
+    /// The channels of order 1 and below.
+    pub(crate) const FIRST: [Self; 3] = [Self::X, Self::Z, Self::Azimuth];
+
+    /// The name used in documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Z => "z",
+            Self::Y => "y",
+            Self::Azimuth => "azimuth",
+        }
+    }
+
+    /// What the channel tells, in ASCII.
+    pub const fn quantity(self) -> &'static str {
+        match self {
+            Self::X => "eps_nx",
+            Self::Z => "eps_nz - omega_N psi_ny",
+            Self::Y => "eps_ny",
+            Self::Azimuth => "omega_N psi_ny",
+        }
+    }
+
+    /// Its order: the highest derivative of Z in its solution.
+    pub const fn order(self) -> Order {
+        match self {
+            Self::Azimuth => Order::Zero,
+            Self::X | Self::Z => Order::First,
+            Self::Y => Order::Second,
+        }
+    }
+
     /// The row of A, and of the channel weights.
     pub(crate) const fn axis(self) -> usize {
         match self {
             Self::X => NORTH,
             Self::Z => EAST,
-            Self::Y => UP,
+            Self::Y | Self::Azimuth => UP,
         }
     }
 }
+
+/// Entries of A below this are rounding, not excitation.
+const ROUNDING: f64 = 1e-12;
+/// A measured move is represented by its filter periods, at most by so many moments.
+const MOMENTS: usize = 200;
 
 /// Where the rows of one drift matrix come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,15 +96,51 @@ pub(crate) struct Block {
     pub leg: usize,
     pub source: RowSource,
     pub a: DriftMatrix,
+    /// The coefficient of ω_N ψ_y(0) in the z row: −1, in frame-hold −q_k.
+    pub azimuth: f64,
     /// 1/σ of the channels x, y, z (indices of n).
     pub weights: [f64; 3],
     /// Derivative of the weights with respect to the dwell (or move) duration, 1/s.
     pub weight_rates: [f64; 3],
 }
 
+/// What a change of position in frame-hold repositioning tells about ω_N ψ_y(0).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Change {
+    /// The leg it leads to.
+    pub leg: usize,
+    /// Q_yy = g_k · g_{k+1}.
+    pub cosine: f64,
+    /// q_k before it.
+    pub share: f64,
+    /// 1/σ of the order-0 measurement of ω_N ψ_y, (°/h)⁻¹; zero where a side is not measured.
+    pub weight: f64,
+}
+
+impl Change {
+    /// The coefficient of ω_N ψ_y(0): q_k √(1 − Q_yy²).
+    pub fn coefficient(&self) -> f64 {
+        self.share * (1.0 - self.cosine * self.cosine).max(0.0).sqrt()
+    }
+}
+
+/// One row with where it comes from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TaggedRow {
+    pub leg: usize,
+    pub source: RowSource,
+    pub channel: Channel,
+    /// 1/σ, (°/h)⁻¹.
+    pub weight: f64,
+    /// The unweighted row.
+    pub row: [f64; UNKNOWNS],
+}
+
 /// All rows of a schedule.
 pub(crate) struct Regressor {
     pub blocks: Vec<Block>,
+    /// Changes of position in frame-hold repositioning.
+    pub changes: Vec<Change>,
     /// Whether ω_N ψ_y(0) is an unknown: not at the poles.
     pub azimuth_unknown: bool,
     /// Whether the y channel exists: not at the poles.
@@ -70,14 +157,16 @@ impl Regressor {
             {
                 let (ticks, _) = split_periods(m.duration_s, model.period_s);
                 let (weights, rates) = channel_weights(model, m.duration_s);
-                // The move as a whole tells as much as a dwell of its length; each tick a share.
-                let share = (ticks.max(1) as f64).sqrt().recip();
-                for tick in 0..ticks {
-                    let fraction = (tick as f64 + 0.5) * model.period_s / m.duration_s;
+                // The move as a whole tells as much as a dwell of its length; each moment a share.
+                let moments = ticks.min(MOMENTS);
+                let share = (moments.max(1) as f64).sqrt().recip();
+                for moment in 0..moments {
+                    let fraction = (moment as f64 + 0.5) / moments as f64;
                     blocks.push(Block {
                         leg,
                         source: RowSource::Move { fraction },
                         a: m.drift_matrix_at(fraction),
+                        azimuth: -1.0,
                         weights: weights.map(|w| w * share),
                         weight_rates: rates.map(|w| w * share),
                     });
@@ -88,15 +177,48 @@ impl Regressor {
                 leg,
                 source: RowSource::Dwell,
                 a: drift_matrix(&l.attitude),
+                azimuth: -1.0,
                 weights,
                 weight_rates,
             });
         }
         let azimuth = model.omega_north() != 0.0;
-        Self {
+        let mut regressor = Self {
             blocks,
+            changes: Vec::new(),
             azimuth_unknown: azimuth,
             vertical_channel: azimuth,
+        };
+        if model.frame_hold && azimuth {
+            regressor.hold_frame(model, timeline);
+        }
+        regressor
+    }
+
+    /// What frame-hold repositioning makes of ψ_y, see the module text.
+    fn hold_frame(&mut self, model: &CovarianceModel, timeline: &Timeline) {
+        let legs = timeline.legs();
+        let measured = |dwell_s: f64| split_periods(dwell_s, model.period_s).0 > 0;
+        // One measurement on either side of the change: an honest lower limit.
+        let weight = (model.omega_north() * (2.0 * model.noise_variance).sqrt()).recip();
+        let mut share = 1.0;
+        for leg in 1..legs.len() {
+            let [before, after] = [&legs[leg - 1], &legs[leg]];
+            let cosine = before
+                .attitude
+                .gravity_c()
+                .dot(&after.attitude.gravity_c())
+                .clamp(-1.0, 1.0);
+            let both = measured(before.dwell_s) && measured(after.dwell_s);
+            self.changes.push(Change {
+                leg,
+                cosine,
+                share,
+                weight: if both { weight } else { 0.0 },
+            });
+            share *= cosine;
+            // Without moves that measure there is one block per leg.
+            self.blocks[leg].azimuth = -share;
         }
     }
 
@@ -109,34 +231,76 @@ impl Regressor {
     pub fn row(&self, block: &Block, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
         std::array::from_fn(|j| match j {
-            COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => -1.0,
+            COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => block.azimuth,
             COEFFICIENTS => 0.0,
+            // sin 180° is 1.2e-16 in floating point, and a column of nothing else would pass
+            // for a signature once it is scaled to length one.
+            _ if block.a[(axis, j)].abs() < ROUNDING => 0.0,
             _ => block.a[(axis, j)],
         })
     }
 
     /// Unweighted rows of the channels wherever a dwell or move is long enough to tell them.
     pub fn geometry(&self, channels: &[Channel]) -> Vec<[f64; UNKNOWNS]> {
-        self.rows(channels, |_| 1.0)
+        self.tagged(channels).iter().map(|t| t.row).collect()
     }
 
     /// Rows weighted by 1/σ of their channel.
     pub fn weighted(&self, channels: &[Channel]) -> Vec<[f64; UNKNOWNS]> {
-        self.rows(channels, |weight| weight)
+        let weigh = |t: &TaggedRow| t.row.map(|v| v * t.weight);
+        self.tagged(channels).iter().map(weigh).collect()
     }
 
-    fn rows(&self, channels: &[Channel], scale: impl Fn(f64) -> f64) -> Vec<[f64; UNKNOWNS]> {
-        let mut rows = Vec::new();
+    /// The rows of the channels, unweighted, with their origin.
+    pub fn tagged(&self, channels: &[Channel]) -> Vec<TaggedRow> {
+        let mut rows = Vec::with_capacity(channels.len() * self.blocks.len());
         for block in &self.blocks {
             for &channel in channels {
                 let weight = block.weights[channel.axis()];
-                if weight > 0.0 && (channel != Channel::Y || self.vertical_channel) {
-                    rows.push(self.row(block, channel).map(|v| v * scale(weight)));
+                let there = match channel {
+                    Channel::X | Channel::Z => true,
+                    Channel::Y => self.vertical_channel,
+                    Channel::Azimuth => false,
+                };
+                if weight > 0.0 && there {
+                    rows.push(TaggedRow {
+                        leg: block.leg,
+                        source: block.source,
+                        channel,
+                        weight,
+                        row: self.row(block, channel),
+                    });
                 }
             }
         }
+        if channels.contains(&Channel::Azimuth) {
+            rows.extend(self.changes.iter().filter_map(azimuth_row));
+        }
         rows
     }
+}
+
+/// The row of a change of position; none where it tells nothing.
+fn azimuth_row(change: &Change) -> Option<TaggedRow> {
+    let coefficient = change.coefficient();
+    // A turn about the vertical moves nothing of ψ_y but by rounding.
+    let tells = change.weight > 0.0 && coefficient.abs() > 1e-7;
+    tells.then(|| {
+        let mut row = [0.0; UNKNOWNS];
+        row[COEFFICIENTS] = coefficient;
+        TaggedRow {
+            leg: change.leg,
+            source: RowSource::Dwell,
+            channel: Channel::Azimuth,
+            weight: change.weight,
+            row,
+        }
+    })
+}
+
+/// 1/σ of the channels x, y, z (indices of n) of a dwell of `duration_s`, (°/h)⁻¹.
+pub(crate) fn dwell_weights(model: &CovarianceModel, duration_s: f64) -> [f64; 3] {
+    channel_weights(model, duration_s).0
 }
 
 /// Channel weights of a dwell, linear in the duration between whole periods, and their slope.

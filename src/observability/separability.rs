@@ -5,10 +5,11 @@
 //! `1/√((XᵀX)⁻¹)_ii`: the inverse of coefficient i's variance inflation.
 
 use faer::Mat;
-use nalgebra::SMatrix;
+use nalgebra::{Matrix3, SMatrix};
 
-use super::regressor::{Channel, Regressor, RowSource, UNKNOWNS};
+use super::regressor::{Change, Channel, Regressor, RowSource, UNKNOWNS};
 use super::svd_failed;
+use crate::attitude::UP;
 use crate::covariance::CovarianceModel;
 use crate::covariance::gradient::LegGradient;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix, drift_matrix_adjoint};
@@ -75,7 +76,7 @@ impl LogSeparability {
     pub fn new(model: &CovarianceModel, timeline: &Timeline) -> Option<Self> {
         let regressor = Regressor::new(model, timeline);
         let mut gram = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
-        for row in regressor.weighted(&[Channel::X, Channel::Z, Channel::Y]) {
+        for row in regressor.weighted(&Channel::ALL) {
             let row = nalgebra::SVector::<f64, UNKNOWNS>::from(row);
             gram.ger(1.0, &row, &row, 1.0);
         }
@@ -108,6 +109,7 @@ impl LogSeparability {
             gram_adjoint += q * q.transpose() * (0.5 * slope / self.inverse[(i, i)]);
             gram_adjoint[(i, i)] -= 0.5 * slope / self.gram[(i, i)];
         }
+        let mut azimuth_adjoint = vec![0.0; timeline.legs().len()];
         for block in &self.regressor.blocks {
             let mut a_adjoint = DriftMatrix::zeros();
             let mut duration = 0.0;
@@ -123,6 +125,9 @@ impl LogSeparability {
                 for j in 0..COEFFICIENTS {
                     a_adjoint[(axis, j)] = pulled[j] * weight;
                 }
+                if channel == Channel::Z {
+                    azimuth_adjoint[block.leg] += pulled[COEFFICIENTS] * weight;
+                }
                 duration += pulled.dot(&row) * block.weight_rates[axis];
             }
             add_block(
@@ -133,6 +138,46 @@ impl LogSeparability {
                 duration,
                 gradient,
             );
+        }
+        let azimuth_slope = gram_adjoint[(COEFFICIENTS, COEFFICIENTS)];
+        self.add_changes(timeline, &azimuth_adjoint, azimuth_slope, gradient);
+    }
+
+    /// The part of the gradient that comes through the shares q_k of ψ_y(0) in frame-hold
+    /// repositioning: `azimuth_adjoint` with respect to −q_k, leg by leg, and `azimuth_slope`
+    /// with respect to the azimuth's own entry of the Gram matrix.
+    fn add_changes(
+        &self,
+        timeline: &Timeline,
+        azimuth_adjoint: &[f64],
+        azimuth_slope: f64,
+        gradient: &mut [LegGradient],
+    ) {
+        let legs = timeline.legs();
+        // ∂f/∂q of the leg at hand, from the last to the first.
+        let mut share_adjoint = 0.0;
+        for change in self.regressor.changes.iter().rev() {
+            let Change {
+                leg,
+                cosine,
+                share,
+                weight,
+            } = *change;
+            share_adjoint -= azimuth_adjoint[leg];
+            // The row's square is w² q² (1 − c²); q₊ = c q.
+            let slope = azimuth_slope * weight * weight;
+            let cosine_adjoint = share * share_adjoint - 2.0 * slope * share * share * cosine;
+            share_adjoint = cosine * share_adjoint + 2.0 * slope * share * (1.0 - cosine * cosine);
+            let gravity = [leg - 1, leg].map(|k| legs[k].attitude.gravity_c());
+            for (k, other) in [(leg - 1, gravity[1]), (leg, gravity[0])] {
+                // c = g_k · g_{k−1}, and g is minus the Up row of C.
+                let mut c_adjoint = Matrix3::zeros();
+                c_adjoint.set_row(UP, &(-cosine_adjoint * other.transpose()));
+                let angles = legs[k].attitude.angle_adjoint(legs[k].position, &c_adjoint);
+                for (sum, angle) in gradient[k].angles.iter_mut().zip(angles) {
+                    *sum += angle;
+                }
+            }
         }
     }
 }
@@ -153,8 +198,6 @@ fn add_block(
             for (i, angle) in angles.into_iter().enumerate() {
                 gradient[leg].angles[i] += fraction * angle;
                 gradient[leg - 1].angles[i] += (1.0 - fraction) * angle;
-                // The tick's place is fixed in time, so its fraction shrinks as the move grows.
-                gradient[leg].move_s -= fraction / m.duration_s * m.change[i] * angle;
             }
             gradient[leg].move_s += duration;
         }
@@ -172,15 +215,30 @@ fn add_block(
 mod tests {
     use super::*;
     use crate::attitude::Position;
-    use crate::platform::PlatformConfig;
+    use crate::platform::{PlatformConfig, Repositioning};
     use crate::schedule::{Schedule, ScheduledPosition};
 
-    fn timeline(x: &[f64], measured: bool) -> (CovarianceModel, Timeline) {
+    #[derive(Clone, Copy)]
+    enum Moves {
+        Unmeasured,
+        Measured,
+        FrameHold,
+    }
+
+    fn timeline(x: &[f64], moves: Moves) -> (CovarianceModel, Timeline) {
         let mut config = PlatformConfig::default();
-        config.motion.measure_moves = measured;
+        let mut move_s = Some(203.0);
+        match moves {
+            Moves::Unmeasured => {}
+            Moves::Measured => config.motion.measure_moves = true,
+            Moves::FrameHold => {
+                config.motion.repositioning = Repositioning::FrameHold;
+                move_s = None;
+            }
+        }
         let platform = config.check().unwrap();
         let positions = x.chunks(4).map(|c| ScheduledPosition {
-            move_s: Some(203.0),
+            move_s,
             ..ScheduledPosition::new(Position::from_rad(c[0], c[1], c[2]), c[3])
         });
         let schedule = Schedule::new(positions.collect()).unwrap();
@@ -190,7 +248,7 @@ mod tests {
 
     #[test]
     fn gram_form_equals_svd_and_its_gradient_is_the_derivative() {
-        for measured in [false, true] {
+        for measured in [Moves::Unmeasured, Moves::Measured, Moves::FrameHold] {
             let x: Vec<f64> = (0..7)
                 .flat_map(|k| {
                     let k = f64::from(k);
@@ -231,5 +289,32 @@ mod tests {
                 assert!((numeric - exact).abs() < 1e-5 * (1.0 + exact.abs()), "{i}");
             }
         }
+    }
+
+    /// Separability of each coefficient at positions given in degrees, 1000 s each.
+    fn separability_at(positions: &[[f64; 3]], channels: &[Channel]) -> CoefficientVector {
+        let platform = PlatformConfig::default().check().unwrap();
+        let held = positions
+            .iter()
+            .map(|p| ScheduledPosition::new(Position::from_deg(p[0], p[1], p[2]), 1000.0));
+        let schedule = Schedule::new(held.collect()).unwrap();
+        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let regressor = Regressor::new(&CovarianceModel::new(&platform), &timeline);
+        by_svd(&regressor.weighted(channels)).unwrap().0
+    }
+
+    #[test]
+    fn rounding_noise_is_no_signature() {
+        // The paper's two positions: D_FX and D_SX enter ε_x as (1, −1) and (1, 1).
+        let two = separability_at(&[[0.0, 0.0, 0.0], [180.0, 0.0, 0.0]], &Channel::ALL);
+        for (name, expected) in [("D_FX", 1.0), ("D_SX", 1.0), ("D_OX", 0.0), ("D_IX", 0.0)] {
+            let c = crate::drift::DriftCoefficient::from_name(name).unwrap();
+            assert!((two[c.index()] - expected).abs() < 1e-9, "{name}: {two}");
+        }
+        // All 24 axis-aligned positions treat the three constant drifts alike.
+        let all = crate::schedule::standard::StandardScheme::from_name("axis-24").unwrap();
+        let degrees: Vec<[f64; 3]> = all.positions().into_iter().map(Position::to_deg).collect();
+        let first = separability_at(&degrees, &[Channel::X, Channel::Z]);
+        assert!((first[0] - first[1]).abs() < 1e-9 && (first[1] - first[2]).abs() < 1e-9);
     }
 }

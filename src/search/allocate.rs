@@ -69,7 +69,7 @@ pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing
 fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) -> Option<Refined> {
     let evaluator = context.evaluator;
     let platform = evaluator.platform();
-    let shortest = 0.5 * platform.motion().min_dwell_s.max(platform.period_s());
+    let shortest = 0.5 * platform.shortest_dwell_s();
     let mut next = Plan {
         angles: Vec::new(),
         dwell_s: Vec::new(),

@@ -1,13 +1,14 @@
 //! Working a start out to the end: allocate, drop, refine, round.
 
 use super::allocate::allocate;
-use super::pipeline::{Candidate, Context};
-use super::refine::{Refined, refine_angles};
+use super::pipeline::{Candidate, Context, rate as rated};
+use super::refine::{Refined, refine, refine_angles};
+use super::table::{Table, finish_on_table};
 use super::variables::{Plan, tidy_angle};
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
-use crate::motion::{MAX_FILTER_PERIODS, Timeline};
+use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Platform;
 use crate::units::Angle;
 
@@ -18,14 +19,23 @@ const REMOVAL_ITERATIONS: u64 = 40;
 /// Rounds of allocation and refinement.
 const ROUNDS: usize = 3;
 /// Power of the last power mean, within 0.9 % of the maximum at worst.
-const SHARPEST: f64 = 144.0;
+pub(super) const SHARPEST: f64 = 144.0;
 /// Angles of a recommended schedule are multiples of this, degrees.
 const ANGLE_STEP_DEG: f64 = 1e-3;
 
 /// Works `plan` out to the end; none when it comes to nothing.
 pub(super) fn finish(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+    match Table::new(context.evaluator.platform()) {
+        Some(table) => finish_on_table(context, &table, &plan),
+        None => finish_free(context, &plan),
+    }
+}
+
+fn finish_free(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let smoothing = context.first_smoothing();
-    let mut current = context.refine(&plan, smoothing, FULL_ITERATIONS)?;
+    // A plan without spare time has no variables to refine.
+    let mut current = refine(context, plan, smoothing, FULL_ITERATIONS)
+        .or_else(|| rated(context, plan, smoothing))?;
     if !context.must_stop() {
         current = settle_allocation(context, smoothing, current);
         current = drop_idle(context, smoothing, current);
@@ -34,7 +44,7 @@ pub(super) fn finish(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     if context.evaluator.objective().criterion.has_kinks() {
         for power in [16.0, 48.0, SHARPEST] {
             let smoothing = Smoothing::PowerMean(power);
-            if let Some(sharper) = context.refine(&current.plan, smoothing, FULL_ITERATIONS) {
+            if let Some(sharper) = refine(context, &current.plan, smoothing, FULL_ITERATIONS) {
                 current = sharper;
             }
         }
@@ -50,7 +60,7 @@ fn settle_allocation(context: Context<'_>, smoothing: Smoothing, mut current: Re
         }
         let before = current.merit;
         current = allocate(context, current, smoothing);
-        let refined = context.refine(&current.plan, smoothing, FULL_ITERATIONS);
+        let refined = refine(context, &current.plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined.filter(|r| r.merit < current.merit) {
             current = refined;
         }
@@ -71,15 +81,13 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
                 .plan
                 .without(k)
                 .fitted(platform, problem.total_time_s)?;
-            context.refine(&fewer, smoothing, REMOVAL_ITERATIONS)
+            refine(context, &fewer, smoothing, REMOVAL_ITERATIONS)
         });
         let Some(best) = candidates.reduce(|best, c| if c.merit < best.merit { c } else { best })
         else {
             break;
         };
-        let best = context
-            .refine(&best.plan, smoothing, FULL_ITERATIONS)
-            .unwrap_or(best);
+        let best = refine(context, &best.plan, smoothing, FULL_ITERATIONS).unwrap_or(best);
         let too_many = current.plan.angles.len() > problem.max_positions;
         if best.merit - current.merit > problem.position_tolerance && !too_many {
             break;
@@ -102,13 +110,26 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
             true => Smoothing::PowerMean(SHARPEST),
             false => Smoothing::Exact,
         };
-        let refined = refine_angles(evaluator, &plan, smoothing, FULL_ITERATIONS, context.work);
+        let refined = refine_angles(context, &plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined {
             plan = round_angles(platform, &refined.plan);
         }
     }
+    rate(context, plan)
+}
+
+/// Rounds the dwells of a plan whose angles are final.
+pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+    let platform = context.evaluator.platform();
+    let plan = with_whole_periods(platform, plan, context.problem.total_time_s)?;
+    rate(context, plan)
+}
+
+/// The final figures of a plan.
+fn rate(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+    let evaluator = context.evaluator;
     context.work.count_evaluations(1);
-    let timeline = plan.timeline(platform);
+    let timeline = plan.timeline(evaluator.platform());
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
     let end = evaluator
         .model()
@@ -130,41 +151,57 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
 fn round_angles(platform: &Platform, plan: &Plan) -> Plan {
     let mut rounded = plan.clone();
     for angles in &mut rounded.angles {
-        let degrees: [f64; 3] = std::array::from_fn(|axis| {
-            let angle = tidy_angle(platform, axis, angles[axis]);
-            let steps = Angle::from_rad(angle).deg() / ANGLE_STEP_DEG;
-            let mut nearest = steps.round();
-            if let Some(range) = platform.gimbals().ranges[axis] {
-                // Towards the middle where rounding would leave the range; a range narrower
-                // than a step keeps its angle.
-                let low = (Angle::from_rad(range.low_rad).deg() / ANGLE_STEP_DEG - 1e-6).ceil();
-                let high = (Angle::from_rad(range.high_rad).deg() / ANGLE_STEP_DEG + 1e-6).floor();
-                if low > high {
-                    return Angle::from_rad(angle).deg();
-                }
-                nearest = nearest.clamp(low, high);
-            }
-            crate::units::round_deg(nearest * ANGLE_STEP_DEG)
-        });
-        let [a, b, g] = degrees;
-        *angles = Position::from_deg(a, b, g).to_array();
+        let deg: [f64; 3] =
+            std::array::from_fn(|axis| round_angle_deg(platform, axis, angles[axis]));
+        *angles = Position::from_deg(deg[0], deg[1], deg[2]).to_array();
     }
     rounded
 }
 
-/// Dwells to whole filter periods, as many as the total time leaves, by largest remainder.
+/// One angle (rad) to a multiple of 0.001° inside the axis' range, in degrees.
+pub(super) fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f64 {
+    let angle = tidy_angle(platform, axis, angle);
+    let mut steps = (Angle::from_rad(angle).deg() / ANGLE_STEP_DEG).round();
+    if let Some(range) = platform.gimbals().ranges[axis] {
+        // Towards the middle where rounding would leave the range; a range narrower than a
+        // step keeps its angle.
+        let low = (Angle::from_rad(range.low_rad).deg() / ANGLE_STEP_DEG - 1e-6).ceil();
+        let high = (Angle::from_rad(range.high_rad).deg() / ANGLE_STEP_DEG + 1e-6).floor();
+        if low > high {
+            return Angle::from_rad(angle).deg();
+        }
+        steps = steps.clamp(low, high);
+    }
+    crate::units::round_deg(steps * ANGLE_STEP_DEG)
+}
+
+/// Dwells to whole filter periods, as many as the total time leaves.
 fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
+    let budget_s = total_time_s - plan.overhead_s(platform);
+    let rounded = Plan {
+        angles: plan.angles.clone(),
+        dwell_s: whole_periods(platform, &plan.dwell_s, budget_s)?,
+    };
+    let total = rounded.timeline(platform).total_time_s();
+    (total <= total_time_s * (1.0 + 1e-12)).then_some(rounded)
+}
+
+/// Durations to whole filter periods by largest remainder, none shorter than the minimum dwell,
+/// filling `budget_s` but for less than a period.
+pub(super) fn whole_periods(
+    platform: &Platform,
+    duration_s: &[f64],
+    budget_s: f64,
+) -> Option<Vec<f64>> {
     let period = platform.period_s();
-    let budget = total_time_s - plan.overhead_s(platform);
-    let available = (budget / period + 1e-9).floor();
+    let available = (budget_s / period + 1e-9).floor();
     if !(1.0..=MAX_FILTER_PERIODS).contains(&available) {
         return None;
     }
     let fewest = (platform.motion().min_dwell_s / period - 1e-9)
         .ceil()
         .max(1.0);
-    let mut periods: Vec<f64> = plan
-        .dwell_s
+    let mut periods: Vec<f64> = duration_s
         .iter()
         .map(|d| (d / period).floor().max(fewest))
         .collect();
@@ -179,22 +216,15 @@ fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Op
         spare += 1.0;
     }
     let mut order: Vec<usize> = (0..periods.len()).collect();
-    let missing = |k: usize| plan.dwell_s[k] / period - periods[k];
+    let missing = |k: usize| duration_s[k] / period - periods[k];
     order.sort_by(|&a, &b| missing(b).total_cmp(&missing(a)).then(a.cmp(&b)));
-    // Fewer spare periods than positions, but for dwells that fell short by more.
-    for k in order.iter().cycle().take(spare as usize) {
-        periods[*k] += 1.0;
+    // Everyone gets the same whole share, the first in order one more.
+    let share = (spare / periods.len() as f64).floor();
+    let extra = (spare - share * periods.len() as f64) as usize;
+    for (rank, k) in order.into_iter().enumerate() {
+        periods[k] += share + if rank < extra { 1.0 } else { 0.0 };
     }
-    let rounded = Plan {
-        angles: plan.angles.clone(),
-        dwell_s: periods.iter().map(|n| n * period).collect(),
-    };
-    let fits = total(&rounded.timeline(platform)) <= total_time_s * (1.0 + 1e-12);
-    fits.then_some(rounded)
-}
-
-fn total(timeline: &Timeline) -> f64 {
-    timeline.total_time_s()
+    Some(periods.iter().map(|n| n * period).collect())
 }
 
 fn index_of_largest(values: &[f64]) -> Option<usize> {

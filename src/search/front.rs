@@ -8,13 +8,11 @@
 
 use super::finish::finish;
 use super::pipeline::{Candidate, Context, Work, best_candidate};
-use super::{Control, Counters, Phase, SearchProblem, Status, refuse_unsupported};
+use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::schedule::Schedule;
 
-/// Default number of points.
-pub const POINTS: usize = 12;
 /// The shortest test of the front, as a share of the longest.
 const SHORTEST_SHARE: f64 = 0.125;
 
@@ -29,19 +27,6 @@ pub struct FrontPoint {
     pub evaluation: Evaluation,
 }
 
-/// The front of total time against criterion, shortest test first.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Front {
-    /// How the search ended.
-    pub status: Status,
-    /// The same in words.
-    pub reason: String,
-    /// The points: the criterion falls strictly along them.
-    pub points: Vec<FrontPoint>,
-    /// Work done.
-    pub counters: Counters,
-}
-
 /// The front with `points` tests up to `problem.total_time_s`.
 ///
 /// # Errors
@@ -52,7 +37,7 @@ pub fn front(
     problem: &SearchProblem,
     points: usize,
     control: &Control<'_>,
-) -> Result<Front> {
+) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
     let sweep = Sweep {
@@ -65,15 +50,34 @@ pub fn front(
     sweep.back(&mut candidates);
     sweep.repair(&mut candidates);
     control.report(Phase::Checking, 1, 1, None);
+    let longest = candidates.iter().flatten().last().map(|c| &c.plan);
+    let schedule = longest.ok_or_else(nothing_fits)?.to_schedule()?;
+    let mut outcome = conclude(evaluator, control, &work, schedule)?;
+    outcome.front = feasible_points(evaluator, &candidates)?;
+    match outcome.front.last() {
+        Some(last) => {
+            outcome.schedule = last.schedule.clone();
+            outcome.evaluation = last.evaluation.clone();
+        }
+        // The reason of the verdict stands: nothing meets the minimum separability.
+        None => outcome.status = Status::Infeasible,
+    }
+    Ok(outcome)
+}
+
+/// The candidates evaluated, as far as each is feasible and better than every shorter one.
+fn feasible_points(
+    evaluator: &Evaluator,
+    candidates: &[Option<Candidate>],
+) -> Result<Vec<FrontPoint>> {
     let mut front: Vec<FrontPoint> = Vec::new();
-    for candidate in candidates.into_iter().flatten() {
+    for candidate in candidates.iter().flatten() {
         let schedule = candidate.plan.to_schedule()?;
         let evaluation = evaluator.evaluate(&schedule)?;
         let falls = front
             .last()
             .is_none_or(|p| evaluation.score.value < p.evaluation.score.value);
-        let feasible = evaluation.score.meets_minimum_separability;
-        if falls && feasible {
+        if falls && evaluation.score.meets_minimum_separability {
             front.push(FrontPoint {
                 total_time_s: evaluation.total_time_s,
                 schedule,
@@ -81,32 +85,11 @@ pub fn front(
             });
         }
     }
-    let (status, reason) = ending(&front, &work, control);
-    Ok(Front {
-        status,
-        reason,
-        points: front,
-        counters: work.counters(),
-    })
+    Ok(front)
 }
 
-fn ending(front: &[FrontPoint], work: &Work, control: &Control<'_>) -> (Status, String) {
-    let best = "the front is the best found so far";
-    if work.was_cut_short() && control.is_cancelled() {
-        (Status::Interrupted, format!("interrupted; {best}"))
-    } else if work.was_cut_short() {
-        (
-            Status::TimeLimit,
-            format!("the time limit was reached; {best}"),
-        )
-    } else if front.is_empty() {
-        let reason = "no schedule found meets the minimum separability";
-        (Status::Infeasible, reason.to_owned())
-    } else {
-        let reason = "every point was refined to convergence and confirmed by the step-by-step \
-                      filter";
-        (Status::Converged, reason.to_owned())
-    }
+fn nothing_fits() -> Error {
+    Error::infeasible("no test of the front can hold a schedule")
 }
 
 /// The problem at each time, shortest first. Fewer starts for each: neighbours help.
@@ -114,8 +97,7 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
     let platform = evaluator.platform();
     let longest = problem.total_time_s;
     let shortest = (SHORTEST_SHARE * longest)
-        .max(platform.motion().min_dwell_s)
-        .max(platform.period_s)
+        .max(platform.shortest_dwell_s())
         .min(longest);
     (0..points)
         .map(|k| {
@@ -180,9 +162,7 @@ impl Sweep<'_> {
         }
         match (found.iter().any(Option::is_some), last_error) {
             (false, Some(e)) => Err(e),
-            (false, None) => Err(Error::infeasible(
-                "no test of the front can hold a schedule",
-            )),
+            (false, None) => Err(nothing_fits()),
             _ => Ok(found),
         }
     }

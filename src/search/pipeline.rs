@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::refine::{Refined, refine};
+use super::table::{Table, screen_on_table};
 use super::variables::Plan;
 use super::{Control, Counters, Phase, SearchProblem, finish, propose};
 use crate::criterion::Smoothing;
@@ -36,19 +37,6 @@ impl Context<'_> {
             true => Smoothing::PowerMean(6.0),
             false => Smoothing::Exact,
         }
-    }
-
-    /// Refines angles and dwells of `plan` within the problem's total time.
-    pub fn refine(&self, plan: &Plan, smoothing: Smoothing, iterations: u64) -> Option<Refined> {
-        let total_time_s = self.problem.total_time_s;
-        refine(
-            self.evaluator,
-            plan,
-            total_time_s,
-            smoothing,
-            iterations,
-            self.work,
-        )
     }
 }
 
@@ -93,9 +81,21 @@ pub(crate) struct Candidate {
 }
 
 /// How many of the best starts are worked out to the end.
-const FINALISTS: usize = 6;
+const FINALISTS: usize = 12;
 /// L-BFGS iterations of a start before the best are chosen.
-const SCREENING_ITERATIONS: u64 = 60;
+const SCREENING_ITERATIONS: u64 = 90;
+
+/// The plan stretched or shortened to the total time, with its merit; none when it does not fit.
+pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+    let platform = context.evaluator.platform();
+    let plan = plan
+        .clone()
+        .fitted(platform, context.problem.total_time_s)?;
+    context.work.count_evaluations(1);
+    let timeline = plan.timeline(platform);
+    let merit = context.evaluator.merit(&timeline, smoothing).ok()?;
+    merit.is_finite().then_some(Refined { plan, merit })
+}
 
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
@@ -128,6 +128,7 @@ fn screen(context: Context<'_>, starts: Vec<Plan>) -> Vec<Refined> {
     let total = starts.len() as u64;
     let done = AtomicU64::new(0);
     let smoothing = context.first_smoothing();
+    let table = Table::new(context.evaluator.platform()).filter(Table::is_coarse);
     let mut refined: Vec<Refined> = starts
         .into_par_iter()
         .enumerate()
@@ -135,7 +136,13 @@ fn screen(context: Context<'_>, starts: Vec<Plan>) -> Vec<Refined> {
             if index > 0 && context.must_stop() {
                 return None;
             }
-            let result = context.refine(&plan, smoothing, SCREENING_ITERATIONS);
+            let result = match &table {
+                // Free angles say little about a coarse table.
+                Some(table) => screen_on_table(context, table, &plan),
+                // A plan without spare time has no variables to refine.
+                None => refine(context, &plan, smoothing, SCREENING_ITERATIONS)
+                    .or_else(|| rate(context, &plan, smoothing)),
+            };
             context.work.starts.fetch_add(1, Ordering::Relaxed);
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             let criterion = result.as_ref().and_then(|r| context.shown_criterion(r));

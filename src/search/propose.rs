@@ -14,10 +14,13 @@ use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::gimbal_change;
 use crate::platform::Platform;
+use crate::schedule::standard::StandardScheme;
 
 /// How many positions the starts have, in turn. The allocation removes what does not pay, so
-/// that these are upper ends, not choices.
+/// that these are upper ends, not choices; the last gives way to the most positions allowed.
 const COUNTS: [usize; 6] = [12, 14, 10, 16, 12, 20];
+/// A start has no more positions than this, however many are allowed.
+const LARGEST_START: usize = 40;
 
 /// The starts of `problem`: start k depends on the seed and k only.
 ///
@@ -26,22 +29,48 @@ const COUNTS: [usize; 6] = [12, 14, 10, 16, 12, 20];
 /// [`Error::is_infeasible`] when not even one position fits into the time.
 pub fn starts(evaluator: &Evaluator, problem: &SearchProblem) -> Result<Vec<Plan>> {
     let platform = evaluator.platform();
-    let needed = platform.motion().min_dwell_s.max(platform.period_s());
+    let needed = platform.shortest_dwell_s();
     if problem.total_time_s < needed {
         return Err(Error::infeasible("the test is shorter than one dwell")
             .with_key("objective.total_time_s")
             .with_value(problem.total_time_s)
             .with_allowed(format!("at least {needed} s")));
     }
-    (0..problem.starts.max(1))
+    let mut starts = (0..problem.starts.max(1))
         .map(|k| start(platform, problem, k))
+        .collect::<Result<Vec<Plan>>>()?;
+    // The standard schemes too, so that no recommendation is worse than they are.
+    starts.extend(standard_starts(platform, problem));
+    Ok(starts)
+}
+
+/// The standard schemes that the platform can take in the time, within the most positions.
+fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
+    StandardScheme::ALL
+        .into_iter()
+        .map(StandardScheme::positions)
+        .filter(|positions| positions.len() <= problem.max_positions)
+        .filter_map(|positions| {
+            let reachable: Option<Vec<[f64; 3]>> = positions
+                .into_iter()
+                .map(|p| within_ranges(platform, p).map(Position::to_array))
+                .collect();
+            let angles = reachable?;
+            let dwell_s = vec![problem.total_time_s; angles.len()];
+            Plan { angles, dwell_s }.fitted(platform, problem.total_time_s)
+        })
         .collect()
 }
 
 fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan> {
     let mut random = ChaCha8Rng::seed_from_u64(problem.seed);
     random.set_stream(k as u64);
-    let count = COUNTS[k % COUNTS.len()].min(problem.max_positions);
+    let most = problem.max_positions.clamp(1, LARGEST_START);
+    let count = match k % COUNTS.len() {
+        5 => most.max(COUNTS[5]),
+        turn => COUNTS[turn],
+    };
+    let count = count.min(most);
     let mut positions = match k % 4 {
         3 => icosahedral(platform, count, &mut random),
         _ => (0..count)
@@ -227,7 +256,7 @@ mod tests {
             starts(&evaluator, &few).unwrap(),
             starts(&evaluator, &many).unwrap(),
         );
-        assert_eq!(few[..], many[..3]);
+        assert_eq!(few[..3], many[..3]);
         assert_ne!(many[0], many[1]);
         let other = SearchProblem {
             seed: 2,

@@ -13,10 +13,11 @@ use argmin::core::{CostFunction, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
-use super::pipeline::Work;
+use super::pipeline::Context;
 use super::variables::{Plan, Variables};
+use crate::covariance::gradient::LegGradient;
 use crate::criterion::Smoothing;
-use crate::evaluate::Evaluator;
+use crate::motion::Timeline;
 
 /// A refined plan with its merit.
 #[derive(Debug, Clone)]
@@ -27,9 +28,9 @@ pub struct Refined {
     pub merit: f64,
 }
 
-/// Merit of a point that is no plan: far above any real one, but finite, so that a line search
-/// can interpolate back from it.
-const NO_PLAN: f64 = 1e3;
+/// Merit of a point that is no plan: far above any real one whatever the weights (each at most
+/// 1e6, on logarithms), but finite, so that a line search can interpolate back from it.
+const NO_PLAN: f64 = 1e10;
 
 struct Point {
     x: Vec<f64>,
@@ -37,28 +38,38 @@ struct Point {
     gradient: Vec<f64>,
 }
 
-struct Problem<'a> {
-    evaluator: &'a Evaluator,
-    variables: &'a Variables<'a>,
+/// Free variables behind a timeline.
+pub(crate) trait Coordinates {
+    /// The timeline of `x`; none where there is none.
+    fn timeline(&self, x: &[f64]) -> Option<Timeline>;
+    /// The gradient with respect to `x` from that of the timeline.
+    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64>;
+}
+
+struct Problem<'a, C> {
+    context: Context<'a>,
+    variables: &'a C,
     smoothing: Smoothing,
-    work: &'a Work,
     last: RefCell<Option<Point>>,
     best: &'a RefCell<Option<(f64, Vec<f64>)>>,
 }
 
-impl Problem<'_> {
+impl<C: Coordinates> Problem<'_, C> {
     fn compute(&self, x: &[f64]) -> Point {
-        self.work.count_gradients(1);
+        self.context.work.count_gradients(1);
         let no_plan = || Point {
             x: x.to_vec(),
             value: NO_PLAN,
             gradient: vec![0.0; x.len()],
         };
-        let Some(plan) = self.variables.decode(x) else {
+        let Some(timeline) = self.variables.timeline(x) else {
             return no_plan();
         };
-        let timeline = plan.timeline(self.evaluator.platform());
-        match self.evaluator.merit_gradient(&timeline, self.smoothing) {
+        match self
+            .context
+            .evaluator
+            .merit_gradient(&timeline, self.smoothing)
+        {
             Ok((value, legs)) if value.is_finite() => Point {
                 x: x.to_vec(),
                 value,
@@ -86,15 +97,18 @@ impl Problem<'_> {
     }
 }
 
-impl CostFunction for &Problem<'_> {
+impl<C: Coordinates> CostFunction for &Problem<'_, C> {
     type Param = Vec<f64>;
     type Output = f64;
     fn cost(&self, x: &Vec<f64>) -> Result<f64, argmin::core::Error> {
+        if self.best.borrow().is_some() && self.context.must_stop() {
+            return Err(argmin::core::Error::msg("stopped"));
+        }
         Ok(self.with_point(x, |p| p.value))
     }
 }
 
-impl Gradient for &Problem<'_> {
+impl<C: Coordinates> Gradient for &Problem<'_, C> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
     fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, argmin::core::Error> {
@@ -111,43 +125,56 @@ const COST_TOLERANCE: f64 = 1e-9;
 
 /// Refines angles and dwells of `plan` together; none when the plan has no merit at all.
 pub(crate) fn refine(
-    evaluator: &Evaluator,
+    context: Context<'_>,
     plan: &Plan,
-    total_time_s: f64,
     smoothing: Smoothing,
     iterations: u64,
-    work: &Work,
 ) -> Option<Refined> {
-    let variables = Variables::angles_and_dwells(evaluator.platform(), total_time_s);
-    minimise(evaluator, &variables, plan, smoothing, iterations, work)
+    let platform = context.evaluator.platform();
+    let variables = Variables::angles_and_dwells(platform, context.problem.total_time_s);
+    refine_in(context, &variables, plan, smoothing, iterations)
 }
 
 /// Refines the angles of `plan`, its dwells held.
 pub(crate) fn refine_angles(
-    evaluator: &Evaluator,
+    context: Context<'_>,
     plan: &Plan,
     smoothing: Smoothing,
     iterations: u64,
-    work: &Work,
 ) -> Option<Refined> {
-    let variables = Variables::angles_only(evaluator.platform(), plan.dwell_s.clone());
-    minimise(evaluator, &variables, plan, smoothing, iterations, work)
+    let platform = context.evaluator.platform();
+    let variables = Variables::angles_only(platform, plan.dwell_s.clone());
+    refine_in(context, &variables, plan, smoothing, iterations)
 }
 
-fn minimise(
-    evaluator: &Evaluator,
+/// Refines a plan in the variables that move it.
+fn refine_in(
+    context: Context<'_>,
     variables: &Variables<'_>,
     plan: &Plan,
     smoothing: Smoothing,
     iterations: u64,
-    work: &Work,
 ) -> Option<Refined> {
+    let start = variables.encode(plan);
+    let (merit, x) = minimise(context, variables, start, smoothing, iterations)?;
+    let plan = variables.decode(&x)?;
+    Some(Refined { plan, merit })
+}
+
+/// The best point L-BFGS sees from `start`, with its merit; none when it sees no timeline. Ends
+/// soon when the search is stopped.
+pub(crate) fn minimise<C: Coordinates>(
+    context: Context<'_>,
+    variables: &C,
+    start: Vec<f64>,
+    smoothing: Smoothing,
+    iterations: u64,
+) -> Option<(f64, Vec<f64>)> {
     let best = RefCell::new(None);
     let problem = Problem {
-        evaluator,
+        context,
         variables,
         smoothing,
-        work,
         last: RefCell::new(None),
         best: &best,
     };
@@ -155,14 +182,11 @@ fn minimise(
         .with_tolerance_grad(GRADIENT_TOLERANCE)
         .and_then(|s| s.with_tolerance_cost(COST_TOLERANCE))
         .ok()?;
-    let start = variables.encode(plan);
     // Whether it ended in a status or in an error of the line search, what counts is the best
     // point it has seen.
     let _ended = Executor::new(&problem, solver)
         .configure(|state| state.param(start).max_iters(iterations))
         .timer(false)
         .run();
-    let (merit, x) = best.into_inner()?;
-    let plan = variables.decode(&x)?;
-    (merit < NO_PLAN).then_some(Refined { plan, merit })
+    best.into_inner().filter(|(merit, _)| *merit < NO_PLAN)
 }

@@ -64,7 +64,7 @@ pub fn shortest(
     let best = root.narrow(longest)?;
     let plan = root.trim(best.plan);
     control.report(Phase::Checking, 1, 1, None);
-    let mut outcome = conclude(evaluator, control, &work, &plan)?;
+    let mut outcome = conclude(evaluator, control, &work, plan.to_schedule()?)?;
     if outcome.status == Status::Converged {
         outcome.reason = format!(
             "every coefficient is within its specification after {:.1} s; the largest ratio of \
@@ -102,7 +102,7 @@ impl RootSearch<'_> {
     /// Narrows [infeasible, feasible] around the shortest time, keeping the feasible end.
     fn narrow(&self, longest: Candidate) -> Result<Candidate> {
         let platform = self.evaluator.platform();
-        let shortest_s = platform.motion().min_dwell_s.max(platform.period_s);
+        let shortest_s = platform.shortest_dwell_s();
         let log_ratio = |c: &Candidate| c.criterion.max(f64::MIN_POSITIVE).ln();
         let mut high = (self.problem.total_time_s.ln(), log_ratio(&longest));
         let mut best = longest;
@@ -154,7 +154,7 @@ impl RootSearch<'_> {
     fn trim(&self, mut plan: Plan) -> Plan {
         let platform = self.evaluator.platform();
         let period = platform.period_s;
-        let shortest_s = platform.motion().min_dwell_s.max(period);
+        let shortest_s = platform.shortest_dwell_s();
         loop {
             let shorter = (0..plan.dwell_s.len()).filter_map(|k| {
                 let mut shorter = plan.clone();
@@ -192,7 +192,12 @@ impl RootSearch<'_> {
         longest: &Candidate,
         spec_deg_per_h: &CoefficientVector,
     ) -> Result<SearchOutcome> {
-        let mut outcome = conclude(self.evaluator, self.control, self.work, &longest.plan)?;
+        let mut outcome = conclude(
+            self.evaluator,
+            self.control,
+            self.work,
+            longest.plan.to_schedule()?,
+        )?;
         let sigma = outcome.evaluation.end.sigma_deg_per_h();
         let mut missed: Vec<String> = Vec::new();
         for c in DriftCoefficient::ALL {

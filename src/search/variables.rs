@@ -6,6 +6,7 @@
 //! of the total time in the proportions `softmax(z)`. So every point is within the limits and
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 
+use super::refine::Coordinates;
 use crate::attitude::{Position, wrap_half_turn};
 use crate::covariance::gradient::LegGradient;
 use crate::error::Result;
@@ -66,7 +67,7 @@ impl Plan {
     /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
     /// minimum; none when that is impossible.
     pub fn fitted(mut self, platform: &Platform, total_time_s: f64) -> Option<Self> {
-        let min_dwell_s = platform.motion().min_dwell_s;
+        let min_dwell_s = platform.shortest_dwell_s();
         let count = self.angles.len() as f64;
         let budget = total_time_s - self.overhead_s(platform);
         let spare = budget - count * min_dwell_s;
@@ -89,13 +90,13 @@ impl Plan {
 
 /// How one angle follows from its free variable.
 #[derive(Debug, Clone, Copy)]
-enum AngleMap {
+pub(super) enum AngleMap {
     Free,
     Limited { middle: f64, half: f64 },
 }
 
 impl AngleMap {
-    fn new(range: Option<GimbalRange>) -> Self {
+    pub fn new(range: Option<GimbalRange>) -> Self {
         match range {
             None => Self::Free,
             Some(r) => Self::Limited {
@@ -105,21 +106,21 @@ impl AngleMap {
         }
     }
 
-    fn angle(self, u: f64) -> f64 {
+    pub fn angle(self, u: f64) -> f64 {
         match self {
             Self::Free => u,
             Self::Limited { middle, half } => middle + half * u.sin(),
         }
     }
 
-    fn slope(self, u: f64) -> f64 {
+    pub fn slope(self, u: f64) -> f64 {
         match self {
             Self::Free => 1.0,
             Self::Limited { half, .. } => half * u.cos(),
         }
     }
 
-    fn variable(self, angle: f64) -> f64 {
+    pub fn variable(self, angle: f64) -> f64 {
         match self {
             Self::Free => angle,
             // Not quite to the end of the range: the slope is zero there and would hold it.
@@ -165,7 +166,7 @@ impl<'a> Variables<'a> {
 
     /// The variables of `plan`.
     pub fn encode(&self, plan: &Plan) -> Vec<f64> {
-        let min_dwell_s = self.platform.motion().min_dwell_s;
+        let min_dwell_s = self.platform.shortest_dwell_s();
         let mut x = Vec::with_capacity(PER_POSITION * plan.angles.len());
         for (angles, dwell) in plan.angles.iter().zip(&plan.dwell_s) {
             for (map, angle) in self.maps.iter().zip(angles) {
@@ -195,7 +196,7 @@ impl<'a> Variables<'a> {
             angles,
             dwell_s: vec![0.0; count],
         };
-        let min_dwell_s = self.platform.motion().min_dwell_s;
+        let min_dwell_s = self.platform.shortest_dwell_s();
         let spare = self.total_time_s - plan.overhead_s(self.platform) - count as f64 * min_dwell_s;
         if spare.is_nan() || spare <= 0.0 {
             return None;
@@ -204,38 +205,6 @@ impl<'a> Variables<'a> {
             *dwell = min_dwell_s + spare * share;
         }
         Some(plan)
-    }
-
-    /// The gradient with respect to `x`, from the gradient of the timeline `decode(x)` makes.
-    pub fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
-        let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
-        let vary_dwells = self.fixed_dwell_s.is_none();
-        let shares: Vec<f64> = shares(x).collect();
-        // What one more second for all dwells together is worth.
-        let mean_dwell: f64 = match vary_dwells {
-            true => shares.iter().zip(legs).map(|(s, l)| s * l.dwell_s).sum(),
-            false => 0.0,
-        };
-        self.add_move_times(timeline, legs, mean_dwell, &mut angles);
-        let spare: f64 = match vary_dwells {
-            true => {
-                let min_dwell_s = self.platform.motion().min_dwell_s;
-                timeline
-                    .legs()
-                    .iter()
-                    .map(|l| l.dwell_s - min_dwell_s)
-                    .sum()
-            }
-            false => 0.0,
-        };
-        let mut gradient = Vec::with_capacity(x.len());
-        for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
-            for i in 0..3 {
-                gradient.push(angles[k][i] * self.maps[i].slope(c[i]));
-            }
-            gradient.push(spare * shares[k] * (legs[k].dwell_s - mean_dwell));
-        }
-        gradient
     }
 
     /// A move's duration follows from the axis that turns most, and takes its time from the
@@ -259,6 +228,43 @@ impl<'a> Variables<'a> {
             angles[k][axis] += slope;
             angles[k - 1][axis] -= slope;
         }
+    }
+}
+
+impl Coordinates for Variables<'_> {
+    fn timeline(&self, x: &[f64]) -> Option<Timeline> {
+        Some(self.decode(x)?.timeline(self.platform))
+    }
+
+    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
+        let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
+        let vary_dwells = self.fixed_dwell_s.is_none();
+        let shares: Vec<f64> = shares(x).collect();
+        // What one more second for all dwells together is worth.
+        let mean_dwell: f64 = match vary_dwells {
+            true => shares.iter().zip(legs).map(|(s, l)| s * l.dwell_s).sum(),
+            false => 0.0,
+        };
+        self.add_move_times(timeline, legs, mean_dwell, &mut angles);
+        let spare: f64 = match vary_dwells {
+            true => {
+                let min_dwell_s = self.platform.shortest_dwell_s();
+                timeline
+                    .legs()
+                    .iter()
+                    .map(|l| l.dwell_s - min_dwell_s)
+                    .sum()
+            }
+            false => 0.0,
+        };
+        let mut gradient = Vec::with_capacity(x.len());
+        for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
+            for i in 0..3 {
+                gradient.push(angles[k][i] * self.maps[i].slope(c[i]));
+            }
+            gradient.push(spare * shares[k] * (legs[k].dwell_s - mean_dwell));
+        }
+        gradient
     }
 }
 

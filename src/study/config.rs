@@ -301,8 +301,11 @@ pub struct SearchConfig {
     pub seed: u64,
     /// How many random starts, 1 to 1 000 000.
     pub starts: usize,
-    /// A position is left out if the criterion grows by no more than this fraction, 0 to 1.
+    /// A position is left out if the score grows by no more than this, 0 to 1; by default the
+    /// score is the logarithm of the criterion, so that this is a fraction of it.
     pub position_tolerance: f64,
+    /// Points of the front in mode `pareto`, 2 to 200.
+    pub front_points: usize,
     /// Threads to use, 1 to 4096; none: one for each processor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threads: Option<usize>,
@@ -319,6 +322,7 @@ impl Default for SearchConfig {
             seed: 1,
             starts: 64,
             position_tolerance: 2e-4,
+            front_points: 12,
             threads: None,
             time_limit_s: None,
         }
@@ -336,6 +340,10 @@ impl SearchConfig {
         };
         count("search.max_positions", self.max_positions, 500, "1 to 500")?;
         count("search.starts", self.starts, 1_000_000, "1 to 1000000")?;
+        if !(2..=200).contains(&self.front_points) {
+            let key = "search.front_points";
+            return Err(Error::out_of_range(key, self.front_points, "2 to 200"));
+        }
         if let Some(threads) = self.threads {
             count("search.threads", threads, 4096, "1 to 4096")?;
         }

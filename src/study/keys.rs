@@ -59,6 +59,7 @@ pub(super) const KNOWN: &[(&str, Absent)] = &[
     ("search.seed", Assumed),
     ("search.starts", Assumed),
     ("search.position_tolerance", Assumed),
+    ("search.front_points", Assumed),
     ("search.threads", Nothing),
     ("search.time_limit_s", Nothing),
 ];

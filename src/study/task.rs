@@ -1,6 +1,6 @@
 //! From a checked study to what the evaluator and the search take.
 
-use super::{CriterionKind, Study};
+use super::{CriterionKind, Mode, Study};
 use crate::criterion::Criterion;
 use crate::drift::CoefficientVector;
 use crate::evaluate::{Evaluator, Objective};
@@ -49,7 +49,12 @@ impl Study {
     }
 
     fn criterion(&self) -> Criterion {
-        match self.objective().criterion {
+        // In mode `time` what counts is the specification, whatever the criterion.
+        let kind = match self.objective().mode {
+            Mode::Time => CriterionKind::MaxRatio,
+            Mode::Accuracy | Mode::Pareto => self.objective().criterion,
+        };
+        match kind {
             CriterionKind::A => Criterion::rms(),
             CriterionKind::D => Criterion::D,
             CriterionKind::E => Criterion::E,

@@ -9,7 +9,9 @@
 #[cfg(feature = "cli")]
 mod cli;
 mod gradient;
+mod observability;
 mod physics;
 mod reference;
 mod search;
+mod simulation;
 mod support;

@@ -67,3 +67,31 @@ fn square_root_filter_agrees_to_1e_6() {
         check(&case, &end, 1e-6);
     }
 }
+
+#[test]
+fn kernels_and_filter_agree_from_strong_to_weak_priors() {
+    use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+    let case = reference_cases()
+        .into_iter()
+        .find(|c| c.name == "weak-prior-oblique-nine")
+        .unwrap();
+    for sigma in [1e-6, 1e-3, 1.0, 1e2, 1e4, 1e6] {
+        let mut config = PlatformConfig::default();
+        config.prior.misalignment_deg = AxisValue::All(1.0);
+        config.prior.constant_drift_deg_per_h = AxisValue::All(sigma);
+        config.prior.g_sensitive_drift_deg_per_h_per_g =
+            GSensitivePrior::All(AxisValue::All(sigma));
+        let platform = config.check().unwrap();
+        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let kernels = CovarianceModel::new(&platform)
+            .end_covariance(&timeline, TickRule::Filter)
+            .unwrap();
+        let filter = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
+        let ratio = kernels
+            .sigma_deg_per_h()
+            .component_div(&filter.sigma_deg_per_h());
+        let worst = ratio.map(|r| (r - 1.0).abs()).max();
+        println!("prior {sigma:e}: {worst:.1e}");
+        assert!(worst < 1e-6, "prior {sigma:e}: {worst:e}");
+    }
+}

@@ -4,12 +4,16 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use scheme_opt::covariance::TickRule;
 use scheme_opt::criterion::Criterion;
 use scheme_opt::drift::CoefficientVector;
 use scheme_opt::evaluate::{Evaluator, Objective};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::PlatformConfig;
 use scheme_opt::schedule::standard::StandardScheme;
+use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::search::front::front;
+use scheme_opt::search::shortest::shortest;
 use scheme_opt::search::{Control, SearchOutcome, SearchProblem, Status, search};
 
 fn evaluator(objective: Objective, change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
@@ -128,39 +132,62 @@ fn every_criterion_is_improved_by_searching_for_it() {
 
 #[test]
 fn separability_can_be_asked_for() {
-    let plain = run(
-        &evaluator(Objective::default(), |_| {}),
-        &SearchProblem {
-            starts: 8,
-            ..SearchProblem::default()
-        },
-    );
-    let least = plain.evaluation.score.least_separability;
-    let objective = Objective {
-        minimum_separability: 1.2 * least,
-        ..Objective::default()
-    };
-    let asked = run(
-        &evaluator(objective, |_| {}),
-        &SearchProblem {
-            starts: 8,
-            ..SearchProblem::default()
-        },
-    );
-    assert!(asked.evaluation.score.least_separability > 1.19 * least);
-    assert!(asked.evaluation.score.criterion >= plain.evaluation.score.criterion * 0.999);
-    // What cannot be had is said.
-    let objective = Objective {
-        minimum_separability: 0.99,
-        ..Objective::default()
-    };
     let problem = SearchProblem {
-        starts: 2,
+        starts: 8,
         ..SearchProblem::default()
     };
-    let impossible = run(&evaluator(objective, |_| {}), &problem);
+    let plain = run(&evaluator(Objective::default(), |_| {}), &problem).evaluation;
+    let least = plain.score.least_separability;
+    let asking = |minimum_separability| Objective {
+        minimum_separability,
+        ..Objective::default()
+    };
+    let wanted = 1.3 * least;
+    let asked = run(&evaluator(asking(wanted), |_| {}), &problem);
+    assert_eq!(asked.status, Status::Converged, "{}", asked.reason);
+    let score = asked.evaluation.score;
+    assert!(score.least_separability >= wanted && score.meets_minimum_separability);
+    assert!(score.criterion >= plain.score.criterion * 0.999);
+    // At the pole the input coefficients' sum is never seen: what cannot be had is said, beside
+    // the nearest schedule.
+    let at_pole = evaluator(asking(0.1), |c| c.site.latitude_deg = 90.0);
+    let impossible = run(&at_pole, &problem);
     assert_eq!(impossible.status, Status::Infeasible);
-    assert!(impossible.reason.contains("0.99"));
+    assert!(impossible.reason.contains("0.1"), "{}", impossible.reason);
+    // Two positions cannot separate twelve coefficients either.
+    let few = SearchProblem {
+        max_positions: 2,
+        ..problem
+    };
+    let impossible = run(&evaluator(asking(0.01), |_| {}), &few);
+    assert_eq!(impossible.status, Status::Infeasible);
+}
+
+#[test]
+fn the_smallest_tests_are_planned_too() {
+    // Exactly one dwell; periods that do not divide the minimum dwell; one long period.
+    let cases = [
+        (10.0, 60.0, 60.0),
+        (100.0, 60.0, 1200.0),
+        (600.0, 60.0, 3600.0),
+        (10.0, 15.0, 20.0),
+    ];
+    for (period_s, min_dwell_s, total_time_s) in cases {
+        let evaluator = evaluator(Objective::default(), |c| {
+            c.filter.period_s = period_s;
+            c.motion.min_dwell_s = min_dwell_s;
+        });
+        let problem = SearchProblem {
+            total_time_s,
+            starts: 4,
+            ..SearchProblem::default()
+        };
+        let found = run(&evaluator, &problem);
+        assert!(found.evaluation.total_time_s <= total_time_s);
+        for p in found.schedule.positions() {
+            assert!(p.dwell_s >= min_dwell_s);
+        }
+    }
 }
 
 #[test]
@@ -195,12 +222,153 @@ fn what_cannot_be_searched_is_refused() {
     let table = evaluator(Objective::default(), |c| c.gimbals.step_deg = Some(15.0));
     let cancel = AtomicBool::new(false);
     let control = Control::new(&cancel, &|_| {});
-    let error = search(&table, &SearchProblem::default(), &control).unwrap_err();
-    assert_eq!(error.key(), Some("gimbals.step_deg"));
+    let turning = SearchProblem {
+        allow_tumbling: true,
+        ..SearchProblem::default()
+    };
+    let error = search(&table, &turning, &control).unwrap_err();
+    assert_eq!(error.key(), Some("search.allow_tumbling"));
+    let nowhere = evaluator(Objective::default(), |c| {
+        c.gimbals.step_deg = Some(90.0);
+        c.gimbals.beta_deg = Some([10.0, 60.0]);
+    });
+    let error = search(&nowhere, &SearchProblem::default(), &control).unwrap_err();
+    assert!(error.is_infeasible());
     let short = SearchProblem {
         total_time_s: 20.0,
         ..SearchProblem::default()
     };
     let free = evaluator(Objective::default(), |_| {});
     assert!(search(&free, &short, &control).unwrap_err().is_infeasible());
+    assert!(shortest(&free, &short, &control).unwrap_err().is_input());
+}
+
+#[test]
+fn turning_during_the_dwells_is_better_still() {
+    let evaluator = evaluator(Objective::default(), |_| {});
+    let problem = SearchProblem {
+        starts: 24,
+        allow_tumbling: true,
+        ..SearchProblem::default()
+    };
+    let found = run(&evaluator, &problem).evaluation;
+    assert!(
+        found.rms_sigma_deg_per_h() < 0.000_903,
+        "{}",
+        found.rms_sigma_deg_per_h()
+    );
+    assert!((found.total_time_s - 12_000.0).abs() < 1e-6);
+}
+
+#[test]
+fn positions_on_an_index_table_are_on_the_table() {
+    for (step, bound, starts) in [(90.0, 0.0037, 12), (45.0, 0.00098, 8), (15.0, 0.00095, 2)] {
+        let evaluator = evaluator(Objective::default(), |c| c.gimbals.step_deg = Some(step));
+        let problem = SearchProblem {
+            starts,
+            ..SearchProblem::default()
+        };
+        let found = run(&evaluator, &problem);
+        // The evaluation has checked that every angle is a multiple of the step.
+        let rms = found.evaluation.rms_sigma_deg_per_h();
+        println!("{step}: {rms}");
+        assert!(rms < bound, "{step}: {rms}");
+    }
+}
+
+#[test]
+fn up_to_four_axis_aligned_positions_are_the_best_of_all() {
+    let evaluator = evaluator(Objective::default(), |c| c.gimbals.step_deg = Some(90.0));
+    let attitudes = StandardScheme::from_name("axis-24").unwrap().positions();
+    let mut best = f64::INFINITY;
+    let dwell_s = 3000.0;
+    let held: Vec<ScheduledPosition> = attitudes
+        .iter()
+        .map(|p| ScheduledPosition::new(*p, dwell_s))
+        .collect();
+    for a in 0..24 {
+        for b in 0..24 {
+            for c in 0..24 {
+                for d in 0..24 {
+                    let positions = [a, b, c, d].map(|k| held[k]);
+                    let schedule = Schedule::new(positions.to_vec()).unwrap();
+                    let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
+                    let end = evaluator
+                        .model()
+                        .end_covariance_by_gram(&timeline, TickRule::Filter)
+                        .unwrap();
+                    best = best.min(Criterion::rms().value(&end.coefficients).unwrap());
+                }
+            }
+        }
+    }
+    let problem = SearchProblem {
+        max_positions: 4,
+        starts: 48,
+        position_tolerance: 0.0,
+        ..SearchProblem::default()
+    };
+    // The search also chooses the dwells, so it can only be better than equal ones.
+    let found = run(&evaluator, &problem).evaluation.rms_sigma_deg_per_h();
+    println!("search {found}, best of all with equal dwells {best}");
+    assert!(found <= best * (1.0 + 1e-9), "{found} {best}");
+}
+
+#[test]
+fn shortest_and_most_accurate_agree() {
+    let spec_deg_per_h = CoefficientVector::repeat(0.002);
+    let objective = Objective {
+        spec_deg_per_h: Some(spec_deg_per_h),
+        ..Objective::default()
+    };
+    let evaluator = evaluator(objective, |_| {});
+    let problem = SearchProblem {
+        total_time_s: 14_400.0,
+        starts: 4,
+        ..SearchProblem::default()
+    };
+    let cancel = AtomicBool::new(false);
+    let control = Control::new(&cancel, &|_| {});
+    let found = shortest(&evaluator, &problem, &control).unwrap();
+    assert_eq!(found.status, Status::Converged);
+    assert!(found.evaluation.end.sigma_deg_per_h().max() <= 0.002);
+    // One per cent less time is not enough.
+    let ratio = Objective {
+        criterion: Criterion::MaxRatio { spec_deg_per_h },
+        ..objective
+    };
+    let less = SearchProblem {
+        total_time_s: 0.99 * found.evaluation.total_time_s,
+        ..problem.clone()
+    };
+    let evaluator = Evaluator::new(evaluator.platform().clone(), ratio);
+    assert!(run(&evaluator, &less).evaluation.score.criterion > 1.0);
+
+    // In 8000 s it cannot be met, and what would be needed is said.
+    let hasty = SearchProblem {
+        total_time_s: 8000.0,
+        starts: 4,
+        ..problem
+    };
+    let missed = shortest(&evaluator, &hasty, &control).unwrap();
+    assert_eq!(missed.status, Status::Infeasible);
+    assert!(missed.reason.contains("can be met in"), "{}", missed.reason);
+}
+
+#[test]
+fn the_front_falls() {
+    let evaluator = evaluator(Objective::default(), |_| {});
+    let problem = SearchProblem {
+        starts: 8,
+        ..SearchProblem::default()
+    };
+    let cancel = AtomicBool::new(false);
+    let found = front(&evaluator, &problem, 5, &Control::new(&cancel, &|_| {})).unwrap();
+    assert_eq!(found.status, Status::Converged);
+    assert_eq!(found.front.len(), 5);
+    for pair in found.front.windows(2) {
+        assert!(pair[0].total_time_s < pair[1].total_time_s);
+        assert!(pair[0].evaluation.score.value > pair[1].evaluation.score.value);
+    }
+    assert!(found.front[4].evaluation.rms_sigma_deg_per_h() < 0.000_91);
 }

@@ -1,0 +1,204 @@
+//! What a simulation shows, for people.
+
+use crate::cli::report::wrap;
+use crate::cli::table::Align::{Left, Right};
+use crate::cli::table::{number, render, seconds};
+use crate::results::{SimulationDocument, SweepRecord};
+use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::{SweepPoint, largest_without_optimism};
+
+/// The whole report; `swept` as in the document.
+pub(super) fn simulation(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
+    let mut text = head(document);
+    text.push_str("\nErrors at the end\n\n");
+    text.push_str(&coefficients(document));
+    text.push_str(&misalignment(document));
+    text.push('\n');
+    text.push_str(&wrap(&format!(
+        "ratio: RMS of error/sigma; 95 of 100 lie between {:.3} and {:.3} for a filter that is \
+         right about itself. planned: sigma by the linear model, as `evaluate` has it.",
+        document.ratio_bounds[0], document.ratio_bounds[1]
+    )));
+    text.push_str("\nConsistency\n\n");
+    text.push_str(&consistency(document));
+    text.push('\n');
+    text.push_str(&wander(document));
+    text.push_str(&sweep(document, swept));
+    text
+}
+
+fn head(document: &SimulationDocument) -> String {
+    let mut text = format!(
+        "{} runs of {} s: {} truth, {} filter, seed {}\n",
+        document.runs,
+        seconds(document.total_time_s),
+        document.truth,
+        document.filter,
+        document.seed,
+    );
+    let told = document.told_accelerometer_factor;
+    if told != 1.0 {
+        text.push_str(&format!(
+            "The filter is told {told} times the true noise.\n"
+        ));
+    }
+    let meaning = match document.verdict {
+        Verdict::Consistent => "errors are as large as the filter says",
+        Verdict::Optimistic => "errors are larger than the filter says",
+        Verdict::Pessimistic => "errors are smaller than the filter says",
+    };
+    let nees = document.nees.map_or_else(String::new, |n| {
+        format!(
+            " (NEES {}, 95 % bounds {:.2} to {:.2})",
+            number(n.average),
+            n.bounds[0],
+            n.bounds[1]
+        )
+    });
+    text + &wrap(&format!(
+        "The filter is {}: {meaning}{nees}.",
+        document.verdict
+    ))
+}
+
+fn ratio(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"))
+}
+
+fn coefficients(document: &SimulationDocument) -> String {
+    let rows = document.coefficients.iter().map(|c| {
+        [
+            c.name.name().to_owned(),
+            number(c.rms_error_deg_per_h),
+            number(c.sigma_deg_per_h),
+            ratio(c.ratio),
+            number(c.planned_sigma_deg_per_h),
+        ]
+    });
+    let all = [
+        "RMS of all".to_owned(),
+        number(document.rms_error_deg_per_h),
+        number(document.rms_sigma_deg_per_h),
+        String::new(),
+        number(document.rms_planned_sigma_deg_per_h),
+    ];
+    let columns = [
+        ("coefficient", Left),
+        ("RMS error, deg/h", Right),
+        ("sigma, deg/h", Right),
+        ("ratio", Right),
+        ("planned, deg/h", Right),
+    ];
+    render(columns, rows.chain([all]).collect()) + "\n"
+}
+
+fn misalignment(document: &SimulationDocument) -> String {
+    let rows = document.misalignment.iter().map(|m| {
+        [
+            m.name.clone(),
+            number(m.rms_error_arcsec),
+            number(m.sigma_arcsec),
+            ratio(m.ratio),
+            number(m.planned_sigma_arcsec),
+        ]
+    });
+    let columns = [
+        ("misalignment", Left),
+        ("RMS error, arcsec", Right),
+        ("sigma, arcsec", Right),
+        ("ratio", Right),
+        ("planned, arcsec", Right),
+    ];
+    render(columns, rows.collect())
+}
+
+fn consistency(document: &SimulationDocument) -> String {
+    let row = |name: String, c: &Option<Consistency>| match c {
+        None => [name, String::new(), "-".into(), "-".into(), "-".into()],
+        Some(c) => [
+            name,
+            c.degrees_of_freedom.to_string(),
+            number(c.average),
+            format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
+            c.verdict.to_string(),
+        ],
+    };
+    let mut rows = vec![
+        row("NEES, all states".to_owned(), &document.nees),
+        row("NEES, coefficients".to_owned(), &document.nees_coefficients),
+        row("NIS".to_owned(), &document.nis),
+    ];
+    let last = document.positions.len().saturating_sub(1);
+    for (i, p) in document.positions.iter().take(last).enumerate() {
+        let name = format!("NEES at {} s (position {})", seconds(p.end_s), i + 1);
+        rows.push(row(name, &p.nees));
+    }
+    let columns = [
+        ("average of", Left),
+        ("expected", Right),
+        ("found", Right),
+        ("95 % bounds", Right),
+        ("the filter is", Left),
+    ];
+    render(columns, rows)
+}
+
+/// How far the platform went from where the plan has it, and what that did to the accuracy.
+fn wander(document: &SimulationDocument) -> String {
+    /// A smaller loss of accuracy than this is not worth a word.
+    const WORTH_SAYING: f64 = 1.02;
+    let off = document.rms_largest_misalignment_deg;
+    let loss = document.rms_sigma_deg_per_h / document.rms_planned_sigma_deg_per_h;
+    let consequence = if loss > WORTH_SAYING {
+        format!(
+            " The plan has it at its positions; the accuracy is {:.0} % worse than planned \
+             for that.",
+            100.0 * (loss - 1.0)
+        )
+    } else {
+        String::new()
+    };
+    wrap(&format!(
+        "The drift is not compensated during the test: at its farthest the platform is {off:.2} \
+         deg (RMS of the runs) off the computed frame.{consequence}"
+    ))
+}
+
+fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
+    if swept.is_empty() {
+        return String::new();
+    }
+    let rows = document.sweep.iter().map(|s: &SweepRecord| {
+        [
+            number(s.misalignment_deg),
+            number(s.drift_factor),
+            s.nees.map_or_else(|| "-".to_owned(), |n| number(n.average)),
+            number(s.rms_error_deg_per_h),
+            number(s.rms_largest_misalignment_deg),
+        ]
+    });
+    let columns = [
+        ("misalignment, deg", Right),
+        ("drift, times", Right),
+        ("NEES", Right),
+        ("RMS error, deg/h", Right),
+        ("farthest, deg", Right),
+    ];
+    let mut text = "\nPrior against linearisation\n\n".to_owned();
+    text.push_str(&render(columns, rows.collect()));
+    let by_drift = swept.iter().position(|p| p.size.drift_factor != 1.0);
+    let (first, second) = swept.split_at(by_drift.unwrap_or(swept.len()));
+    let misalignment = largest_without_optimism(first).map_or_else(
+        || "no misalignment listed, with this drift".to_owned(),
+        |p| format!("a misalignment of {} deg", number(p.size.misalignment_deg)),
+    );
+    let drift = largest_without_optimism(second).map_or_else(
+        || "no drift listed".to_owned(),
+        |p| format!("{} times the drift", number(p.size.drift_factor)),
+    );
+    text.push_str(&wrap(&format!(
+        "The filter's linearisation bears {misalignment}; and {drift}, with the platform's own \
+         misalignment."
+    )));
+    text
+}

@@ -1,0 +1,482 @@
+//! What to add to a schedule, and the position that separates its worst combination best.
+//!
+//! The target is what the schedule leaves unobservable or, where it observes everything, the
+//! combination that it knows worst among those a position can help: D_IX + D_IY + D_IZ gives the
+//! same ε^n everywhere (paper, Conclusion 2), so no position separates it and it is set aside.
+//!
+//! With P the covariance of (D, ω_N ψ_y(0)) by prior and channels, a position with weighted rows R
+//! leaves P' = P − P Rᵀ (I + R P Rᵀ)⁻¹ R P. Its gain is the information on the target U,
+//! ½ ln det(Uᵀ P U) − ½ ln det(Uᵀ P' U), which is maximised over all attitudes that the gimbals
+//! allow: a grid over (α, β, γ), then compass steps from its best points. For one combination
+//! that is the least variance; for several, unlike their mean variance, it does not stop caring
+//! once a combination is seen at all. The position found is judged by the full filter,
+//! [`Evaluator::evaluate`].
+
+use nalgebra::{DMatrix, SMatrix, SVector};
+
+use super::Observability;
+use super::combinations::Combination;
+use super::regressor::{Change, Regressor, UNKNOWNS};
+use crate::attitude::{Attitude, EAST, NORTH, Position, UP, wrap_half_turn};
+use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
+use crate::error::{Error, Result};
+use crate::evaluate::{Evaluation, Evaluator};
+use crate::motion::Timeline;
+use crate::platform::Platform;
+use crate::schedule::{Schedule, ScheduledPosition};
+use crate::units::{Angle, RAD_PER_DEG};
+
+type Unknowns = SVector<f64, UNKNOWNS>;
+type UnknownsMatrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+
+/// How a schedule stands, for comparison.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Standing {
+    /// Duration of the test, s.
+    pub total_time_s: f64,
+    /// Value of the objective's criterion, °/h (max-ratio: 1).
+    pub criterion: f64,
+    /// √(mean of the coefficient variances), °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// RMS σ of the target combinations, of length one each, °/h.
+    pub target_sigma_deg_per_h: f64,
+    /// Smallest separability of a coefficient.
+    pub least_separability: f64,
+    /// Rank of all channels.
+    pub rank: usize,
+    /// Rank of the channels of order 1 and below.
+    pub rank_first_order: usize,
+}
+
+/// The position to add.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Suggestion {
+    /// What it is to separate, by name.
+    pub target: Vec<Combination>,
+    /// Whether the target is unobservable so far.
+    pub target_unobservable: bool,
+    /// The position.
+    pub position: Position,
+    /// How long to hold it: the mean dwell of the schedule, s.
+    pub dwell_s: f64,
+    /// The schedule with the position at its end.
+    pub schedule: Schedule,
+    /// The schedule as it is.
+    pub before: Standing,
+    /// With the position added.
+    pub after: Standing,
+    /// As it is, its dwells stretched to the same total time: what the time alone would do.
+    pub same_time: Standing,
+    /// How many attitudes were examined.
+    pub examined: usize,
+}
+
+impl Suggestion {
+    /// The position that separates the worst combination of `schedule` best; none where the
+    /// platform can take no position at all, or no longer schedule.
+    ///
+    /// # Errors
+    ///
+    /// As [`Evaluator::evaluate`].
+    pub fn find(
+        evaluator: &Evaluator,
+        schedule: &Schedule,
+        evaluation: &Evaluation,
+    ) -> Result<Option<Self>> {
+        let platform = evaluator.platform();
+        let timeline = Timeline::new(platform, schedule)?;
+        let dwell_s = new_dwell_s(platform, schedule);
+        let prospect = Prospect::new(evaluator, &timeline, &evaluation.observability, dwell_s)?;
+        let Some((position, examined)) = best_position(platform, |p| prospect.gain(p)) else {
+            return Ok(None);
+        };
+        let mut positions = schedule.positions().to_vec();
+        positions.push(ScheduledPosition::new(position, dwell_s));
+        let Some((extended, after)) = evaluated(evaluator, Schedule::new(positions))? else {
+            return Ok(None);
+        };
+        let same_time = stretched(schedule, after.total_time_s - evaluation.overhead_s);
+        let Some((_, same_time)) = evaluated(evaluator, same_time)? else {
+            return Ok(None);
+        };
+        let standing = |e: &Evaluation| prospect.standing(e);
+        Ok(Some(Self {
+            target: prospect.target_names(),
+            target_unobservable: prospect.unobservable,
+            position,
+            dwell_s,
+            schedule: extended,
+            before: standing(evaluation),
+            after: standing(&after),
+            same_time: standing(&same_time),
+            examined,
+        }))
+    }
+}
+
+/// A schedule with its evaluation; none where it would be longer than schedules may be.
+fn evaluated(
+    evaluator: &Evaluator,
+    schedule: Result<Schedule>,
+) -> Result<Option<(Schedule, Evaluation)>> {
+    let evaluated = schedule.and_then(|s| evaluator.evaluate(&s).map(|e| (s, e)));
+    match evaluated {
+        Ok(both) => Ok(Some(both)),
+        Err(e) if e.is_input() => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
+/// The mean dwell, but no less than tells the second derivative.
+fn new_dwell_s(platform: &Platform, schedule: &Schedule) -> f64 {
+    let held = schedule.positions().iter().filter(|p| p.dwell_s > 0.0);
+    let mean = schedule.dwell_sum_s() / held.count().max(1) as f64;
+    // Whole filter periods: the rest of a dwell is not measured.
+    let periods = (mean / platform.period_s()).round().max(3.0);
+    periods * platform.period_s()
+}
+
+/// `schedule` with its dwells stretched to `dwell_sum_s` in all.
+fn stretched(schedule: &Schedule, dwell_sum_s: f64) -> Result<Schedule> {
+    let sum = schedule.dwell_sum_s();
+    let factor = if sum > 0.0 { dwell_sum_s / sum } else { 1.0 };
+    let positions = schedule.positions().iter().map(|p| ScheduledPosition {
+        dwell_s: p.dwell_s * factor,
+        ..*p
+    });
+    Schedule::new(positions.collect())
+}
+
+/// The schedule as one more position would find it.
+struct Prospect {
+    /// Covariance of (D, ω_N ψ_y(0)) by prior and channels, (°/h)².
+    covariance: UnknownsMatrix,
+    /// Uᵀ P U.
+    target_covariance: DMatrix<f64>,
+    /// P u for each target combination.
+    pulled: Vec<Unknowns>,
+    /// The target combinations, of length one and at right angles.
+    target: Vec<Unknowns>,
+    /// The same as a person would name them.
+    names: Vec<Combination>,
+    unobservable: bool,
+    /// 1/σ of the channels of the new dwell, in n.
+    weights: [f64; 3],
+    azimuth_unknown: bool,
+    /// In frame-hold: the attitude before, the share of ψ_y(0) in ψ_y there, and 1/σ.
+    held: Option<(Attitude, f64, f64)>,
+}
+
+impl Prospect {
+    fn new(
+        evaluator: &Evaluator,
+        timeline: &Timeline,
+        observability: &Observability,
+        dwell_s: f64,
+    ) -> Result<Self> {
+        let model = evaluator.model();
+        let regressor = Regressor::new(model, timeline);
+        let covariance = covariance(evaluator, &regressor)?;
+        let trace = Unknowns::from(*Combination::input_trace().as_array()).normalize();
+        let (names, mut target) = unobservable_target(observability, &trace);
+        let unobservable = !target.is_empty();
+        let names = if unobservable {
+            names
+        } else {
+            target.push(worst(&covariance, &trace));
+            vec![Combination::from_array(target[0].into()).rounded(super::weak::NAMED)]
+        };
+        let held = model.frame_hold.then(|| {
+            let legs = timeline.legs();
+            let last = &legs[legs.len() - 1];
+            let share = regressor.changes.last().map_or(1.0, |c| c.share * c.cosine);
+            let weight = (model.omega_north() * (2.0 * model.noise_variance).sqrt()).recip();
+            (last.attitude, share, weight)
+        });
+        let pulled: Vec<Unknowns> = target.iter().map(|u| covariance * u).collect();
+        Ok(Self {
+            target_covariance: DMatrix::from_fn(target.len(), target.len(), |i, j| {
+                target[i].dot(&pulled[j])
+            }),
+            pulled,
+            covariance,
+            target,
+            names,
+            unobservable,
+            weights: super::regressor::dwell_weights(model, dwell_s),
+            azimuth_unknown: regressor.azimuth_unknown,
+            held: held.filter(|_| regressor.azimuth_unknown),
+        })
+    }
+
+    fn target_names(&self) -> Vec<Combination> {
+        self.names.clone()
+    }
+
+    /// The weighted rows that a dwell at `position` adds.
+    fn rows(&self, position: Position) -> [Unknowns; 4] {
+        let attitude = position.attitude();
+        let a = drift_matrix(&attitude);
+        let mut rows = [Unknowns::zeros(); 4];
+        for (row, axis) in rows.iter_mut().zip([NORTH, EAST, UP]) {
+            for j in 0..COEFFICIENTS {
+                row[j] = a[(axis, j)] * self.weights[axis];
+            }
+        }
+        if self.azimuth_unknown {
+            let mut azimuth = -1.0;
+            if let Some((before, share, weight)) = self.held {
+                let cosine = before.gravity_c().dot(&attitude.gravity_c());
+                let change = Change {
+                    leg: 0,
+                    cosine,
+                    share,
+                    weight,
+                };
+                azimuth = -share * cosine;
+                rows[3][COEFFICIENTS] = change.coefficient() * weight;
+            }
+            rows[1][COEFFICIENTS] = azimuth * self.weights[EAST];
+        }
+        rows
+    }
+
+    /// The information that a dwell at `position` adds on the target.
+    fn gain(&self, position: Position) -> f64 {
+        let rows = self.rows(position);
+        let through = rows.map(|r| self.covariance * r);
+        let s = SMatrix::<f64, 4, 4>::from_fn(|i, j| {
+            rows[i].dot(&through[j]) + if i == j { 1.0 } else { 0.0 }
+        });
+        let Some(cholesky) = nalgebra::Cholesky::new(s) else {
+            return 0.0;
+        };
+        let seen: Vec<SVector<f64, 4>> = self
+            .pulled
+            .iter()
+            .map(|pulled| SVector::from_fn(|i, _| rows[i].dot(pulled)))
+            .collect();
+        let solved: Vec<_> = seen.iter().map(|v| cholesky.solve(v)).collect();
+        let left = DMatrix::from_fn(seen.len(), seen.len(), |i, j| {
+            self.target_covariance[(i, j)] - seen[i].dot(&solved[j])
+        });
+        half_log_det(&self.target_covariance) - half_log_det(&left)
+    }
+
+    fn standing(&self, evaluation: &Evaluation) -> Standing {
+        let p = &evaluation.end.coefficients;
+        let variance: f64 = self
+            .target
+            .iter()
+            .map(|u| {
+                let u = CoefficientVector::from_fn(|i, _| u[i]);
+                u.dot(&(p * u))
+            })
+            .sum();
+        Standing {
+            total_time_s: evaluation.total_time_s,
+            criterion: evaluation.score.criterion,
+            rms_sigma_deg_per_h: evaluation.rms_sigma_deg_per_h(),
+            target_sigma_deg_per_h: (variance / self.target.len() as f64).sqrt(),
+            least_separability: evaluation.score.least_separability,
+            rank: evaluation.observability.rank,
+            rank_first_order: evaluation.observability.rank_first_order,
+        }
+    }
+}
+
+/// ½ ln det of a covariance; infinite where rounding leaves nothing of it.
+fn half_log_det(covariance: &DMatrix<f64>) -> f64 {
+    nalgebra::Cholesky::new(covariance.clone()).map_or(f64::INFINITY, |c| {
+        c.l_dirty().diagonal().iter().map(|v| v.ln()).sum()
+    })
+}
+
+/// Covariance of (D, ω_N ψ_y(0)) by prior and channels: S (I + S RᵀR S)⁻¹ S, S the prior σ.
+fn covariance(evaluator: &Evaluator, regressor: &Regressor) -> Result<UnknownsMatrix> {
+    let model = evaluator.model();
+    let prior = Unknowns::from_fn(|i, _| match i {
+        COEFFICIENTS => model.omega_north() * model.prior_psi[(UP, UP)].sqrt(),
+        _ => model.prior_sigma[i],
+    });
+    let mut information = UnknownsMatrix::identity();
+    for row in regressor.weighted(&super::Channel::ALL) {
+        let row = Unknowns::from(row).component_mul(&prior);
+        information.ger(1.0, &row, &row, 1.0);
+    }
+    let cholesky = nalgebra::Cholesky::new(information)
+        .ok_or_else(|| Error::numerical("the information of the schedule overflows"))?;
+    let scale = UnknownsMatrix::from_diagonal(&prior);
+    Ok(scale * cholesky.inverse() * scale)
+}
+
+/// The unobservable combinations that a position can help, and an orthonormal basis of them.
+fn unobservable_target(
+    observability: &Observability,
+    trace: &Unknowns,
+) -> (Vec<Combination>, Vec<Unknowns>) {
+    let mut names = Vec::new();
+    let mut basis: Vec<Unknowns> = Vec::new();
+    for combination in &observability.unobservable_combinations {
+        let vector = Unknowns::from(*combination.as_array());
+        let mut rest = vector - trace * trace.dot(&vector);
+        for b in &basis {
+            rest -= b * b.dot(&rest);
+        }
+        if rest.norm() > 1e-7 * vector.norm() {
+            basis.push(rest.normalize());
+            names.push(*combination);
+        }
+    }
+    (names, basis)
+}
+
+/// The combination of coefficients known worst, at right angles to the trace.
+fn worst(covariance: &UnknownsMatrix, trace: &Unknowns) -> Unknowns {
+    let mut p = *covariance;
+    for i in 0..UNKNOWNS {
+        p[(i, COEFFICIENTS)] = 0.0;
+        p[(COEFFICIENTS, i)] = 0.0;
+    }
+    let without = UnknownsMatrix::identity() - trace * trace.transpose();
+    let eigen = (without * p * without).symmetric_eigen();
+    eigen
+        .eigenvectors
+        .column(eigen.eigenvalues.imax())
+        .into_owned()
+}
+
+/// Distance of grid points, degrees.
+const GRID_DEG: f64 = 15.0;
+/// Grid points from which compass steps start.
+const REFINED: usize = 16;
+/// Smallest compass step, degrees; also what a free position is rounded to.
+const FINEST_DEG: f64 = 1e-3;
+
+/// One gimbal axis: where it may stand, in whole numbers of `unit_deg`.
+struct Axis {
+    unit_deg: f64,
+    low: i64,
+    high: i64,
+    /// Whether it turns without end.
+    endless: bool,
+}
+
+impl Axis {
+    fn new(platform: &Platform, axis: usize) -> Self {
+        let unit_deg = platform
+            .gimbals()
+            .step_rad
+            .map_or(FINEST_DEG, |rad| Angle::from_rad(rad).deg());
+        let range = platform.gimbals().ranges[axis];
+        // Every attitude has a triple with β in ±90°.
+        let half_deg = if axis == 1 { 90.0 } else { 180.0 };
+        let [low_deg, high_deg] = range.map_or([-half_deg, half_deg], |r| {
+            let [low, high] = [r.low_rad, r.high_rad].map(|v| Angle::from_rad(v).deg());
+            // One turn is enough, and the one nearest zero is the natural one.
+            if high - low > 360.0 {
+                let centre = 0.0_f64.clamp(low + 180.0, high - 180.0);
+                [centre - 180.0, centre + 180.0]
+            } else {
+                [low, high]
+            }
+        });
+        Self {
+            unit_deg,
+            low: (low_deg / unit_deg - 1e-9).ceil() as i64,
+            high: (high_deg / unit_deg + 1e-9).floor() as i64,
+            endless: range.is_none(),
+        }
+    }
+
+    fn grid(&self) -> Vec<i64> {
+        let stride = (GRID_DEG / self.unit_deg).round().max(1.0) as usize;
+        (self.low..=self.high).step_by(stride).collect()
+    }
+
+    /// The angle, rad, on an endless axis within a half turn where the index table allows.
+    fn tidy(&self, at: i64) -> f64 {
+        let angle = at as f64 * self.unit_deg * RAD_PER_DEG;
+        let steps = 360.0 / self.unit_deg;
+        match self.endless && (steps - steps.round()).abs() < 1e-9 {
+            true => wrap_half_turn(angle),
+            false => angle,
+        }
+    }
+
+    /// One step further, if the axis can go there.
+    fn moved(&self, at: i64, by: i64) -> Option<i64> {
+        let to = at + by;
+        (self.endless || (self.low..=self.high).contains(&to)).then_some(to)
+    }
+}
+
+/// The attitude of largest gain that the gimbals allow, and how many were looked at.
+fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<(Position, usize)> {
+    let axes: [Axis; 3] = std::array::from_fn(|i| Axis::new(platform, i));
+    let position = |at: [i64; 3]| {
+        let rad = |i: usize| at[i] as f64 * axes[i].unit_deg * RAD_PER_DEG;
+        Position::from_rad(rad(0), rad(1), rad(2))
+    };
+    let mut examined = 0;
+    let mut value = |at: [i64; 3]| {
+        examined += 1;
+        gain(position(at))
+    };
+    let mut grid = Vec::new();
+    let grids = axes.each_ref().map(Axis::grid);
+    for &alpha in &grids[0] {
+        for &beta in &grids[1] {
+            for &gamma in &grids[2] {
+                let at = [alpha, beta, gamma];
+                grid.push((value(at), at));
+            }
+        }
+    }
+    grid.sort_by(|a, b| b.0.total_cmp(&a.0));
+    grid.truncate(REFINED);
+    let mut best: Option<(f64, [i64; 3])> = None;
+    for (start, at) in grid {
+        let refined = compass(&axes, start, at, &mut value);
+        // Later starts must be better by more than rounding, so that the answer is stable.
+        if best.is_none_or(|(most, _)| refined.0 > most * (1.0 + 1e-9)) {
+            best = Some(refined);
+        }
+    }
+    best.map(|(_, at)| {
+        let deg = Position::from_array(std::array::from_fn(|i| axes[i].tidy(at[i]))).to_deg();
+        (Position::from_deg(deg[0], deg[1], deg[2]), examined)
+    })
+}
+
+/// Steps along the axes for as long as they gain, in ever smaller steps.
+fn compass(
+    axes: &[Axis; 3],
+    start: f64,
+    from: [i64; 3],
+    value: &mut impl FnMut([i64; 3]) -> f64,
+) -> (f64, [i64; 3]) {
+    let (mut most, mut at) = (start, from);
+    let mut step = (0.5 * GRID_DEG / axes[0].unit_deg).ceil() as i64;
+    loop {
+        let mut moved = false;
+        for i in 0..3 {
+            for by in [step, -step] {
+                let Some(to) = axes[i].moved(at[i], by) else {
+                    continue;
+                };
+                let mut trial = at;
+                trial[i] = to;
+                let gain = value(trial);
+                if gain > most + 1e-12 * most.abs() {
+                    (most, at, moved) = (gain, trial, true);
+                }
+            }
+        }
+        match (moved, step) {
+            (true, _) => {}
+            (false, 1) => return (most, at),
+            (false, _) => step /= 2,
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! Reports: pictures of what the other modules compute.
+
+pub mod curves;
+pub mod figure;

@@ -1,0 +1,214 @@
+//! The document of a simulation.
+
+use serde::{Deserialize, Serialize};
+
+use crate::drift::DriftCoefficient;
+use crate::error::Result;
+use crate::schedule::Schedule;
+use crate::schedule::file::ScheduleDocument;
+use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
+use crate::study::StudyConfig;
+
+use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, finite, to_json};
+
+/// Name and major version of the [`SimulationDocument`].
+pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
+
+/// What many simulated runs of a test show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulationDocument {
+    /// [`SIMULATION_SCHEMA`].
+    pub schema: String,
+    /// Version of the program that wrote it.
+    pub tool_version: String,
+    /// Duration of the test, moves and settles included, s.
+    pub total_time_s: f64,
+    /// How many runs.
+    pub runs: usize,
+    /// Seed of the random streams.
+    pub seed: u64,
+    /// Equations of the true platform: `nonlinear` or `first-order`.
+    pub truth: String,
+    /// What the filter linearises about: `linear`, `extended` or `iterated`.
+    pub filter: String,
+    /// Accelerometer noise told to the filter, as a factor of the true one.
+    pub told_accelerometer_factor: f64,
+    /// Random drift told to the filter, as a factor of the true one.
+    pub told_random_drift_factor: f64,
+    /// What the NEES over all states says of the filter at the end.
+    pub verdict: Verdict,
+    /// √(mean over the coefficients of the squared RMS errors), °/h.
+    pub rms_error_deg_per_h: f64,
+    /// √(mean over the coefficients of the filter's variances), °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// The same of the linear model, known before any test, °/h.
+    pub rms_planned_sigma_deg_per_h: f64,
+    /// The drift coefficients, D_FX to D_SZ.
+    pub coefficients: Vec<SimulatedCoefficient>,
+    /// The misalignment at the end.
+    pub misalignment: Vec<SimulatedMisalignment>,
+    /// Where 95 of 100 ratios of a consistent filter lie.
+    pub ratio_bounds: [f64; 2],
+    /// NEES over all states at the end; null when everything is known exactly.
+    pub nees: Option<Consistency>,
+    /// NEES over the coefficients at the end.
+    pub nees_coefficients: Option<Consistency>,
+    /// NIS over the ticks of all runs; null without a measurement.
+    pub nis: Option<Consistency>,
+    /// NEES at the end of every position.
+    pub positions: Vec<SimulatedPosition>,
+    /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
+    pub rms_largest_misalignment_deg: f64,
+    /// NEES against the size of the prior, if asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sweep: Vec<SweepRecord>,
+    /// The schedule simulated.
+    pub schedule: ScheduleDocument,
+    /// The study as resolved.
+    pub inputs: StudyConfig,
+    /// Keys of `inputs` that nobody gave.
+    pub defaulted: Vec<String>,
+}
+
+/// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SimulatedCoefficient {
+    /// The coefficient.
+    pub name: DriftCoefficient,
+    /// RMS error, °/h.
+    pub rms_error_deg_per_h: f64,
+    /// RMS of the filter's 1σ, °/h.
+    pub sigma_deg_per_h: f64,
+    /// 1σ by the linear model, known before any test, °/h.
+    pub planned_sigma_deg_per_h: f64,
+    /// RMS of error/σ; null: known exactly.
+    pub ratio: Option<f64>,
+}
+
+/// Errors of one misalignment angle at the end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulatedMisalignment {
+    /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
+    pub name: String,
+    /// RMS error, arcsec.
+    pub rms_error_arcsec: f64,
+    /// RMS of the filter's 1σ, arcsec.
+    pub sigma_arcsec: f64,
+    /// 1σ by the linear model, known before any test, arcsec.
+    pub planned_sigma_arcsec: f64,
+    /// RMS of error/σ; null: known exactly.
+    pub ratio: Option<f64>,
+}
+
+/// Consistency when a position is left.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SimulatedPosition {
+    /// Time, s.
+    pub end_s: f64,
+    /// NEES over all states.
+    pub nees: Option<Consistency>,
+    /// NEES over the coefficients.
+    pub nees_coefficients: Option<Consistency>,
+}
+
+/// Consistency for one size of the prior.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SweepRecord {
+    /// Prior 1σ of the misalignment about each axis, degrees.
+    pub misalignment_deg: f64,
+    /// Factor on the prior 1σ of the drift coefficients.
+    pub drift_factor: f64,
+    /// NEES over all states at the end.
+    pub nees: Option<Consistency>,
+    /// RMS error over the coefficients, °/h.
+    pub rms_error_deg_per_h: f64,
+    /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
+    pub rms_largest_misalignment_deg: f64,
+}
+
+impl From<&SweepPoint> for SweepRecord {
+    fn from(point: &SweepPoint) -> Self {
+        Self {
+            misalignment_deg: point.size.misalignment_deg,
+            drift_factor: point.size.drift_factor,
+            nees: point.nees,
+            rms_error_deg_per_h: point.rms_error_deg_per_h,
+            rms_largest_misalignment_deg: point.rms_largest_misalignment_deg,
+        }
+    }
+}
+
+impl SimulationDocument {
+    /// The document of `found`, a simulation of `schedule` with `options`.
+    pub fn new(
+        found: &MonteCarlo,
+        options: &SimulationOptions,
+        sweep: &[SweepPoint],
+        schedule: &Schedule,
+        inputs: &Inputs,
+    ) -> Self {
+        let coefficient = |name: DriftCoefficient| {
+            let c: &StateCheck = &found.coefficients[name.index()];
+            SimulatedCoefficient {
+                name,
+                rms_error_deg_per_h: c.rms_error,
+                sigma_deg_per_h: c.sigma,
+                planned_sigma_deg_per_h: c.planned_sigma,
+                ratio: c.ratio.and_then(finite),
+            }
+        };
+        let angle = |(name, c): (&&str, &StateCheck)| SimulatedMisalignment {
+            name: (*name).to_owned(),
+            rms_error_arcsec: c.rms_error,
+            sigma_arcsec: c.sigma,
+            planned_sigma_arcsec: c.planned_sigma,
+            ratio: c.ratio.and_then(finite),
+        };
+        let position = |p: &crate::simulate::PositionCheck| SimulatedPosition {
+            end_s: p.end_s,
+            nees: p.nees,
+            nees_coefficients: p.nees_coefficients,
+        };
+        Self {
+            schema: SIMULATION_SCHEMA.to_owned(),
+            tool_version: TOOL_VERSION.to_owned(),
+            total_time_s: found.positions.last().map_or(0.0, |p| p.end_s),
+            runs: found.runs,
+            seed: found.seed,
+            truth: options.truth.name().to_owned(),
+            filter: options.filter.name().to_owned(),
+            told_accelerometer_factor: options.told.accelerometer_factor,
+            told_random_drift_factor: options.told.random_drift_factor,
+            verdict: found.verdict(),
+            rms_error_deg_per_h: found.rms_error_deg_per_h(),
+            rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
+            rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
+            coefficients: DriftCoefficient::ALL.map(coefficient).to_vec(),
+            misalignment: MISALIGNMENT_NAMES
+                .iter()
+                .zip(&found.misalignment)
+                .map(angle)
+                .collect(),
+            ratio_bounds: found.ratio_bounds,
+            nees: found.nees,
+            nees_coefficients: found.nees_coefficients,
+            nis: found.nis,
+            positions: found.positions.iter().map(position).collect(),
+            rms_largest_misalignment_deg: found.rms_largest_misalignment_deg,
+            sweep: sweep.iter().map(SweepRecord::from).collect(),
+            schedule: ScheduleDocument::from(schedule),
+            inputs: inputs.config.clone(),
+            defaulted: inputs.defaulted.clone(),
+        }
+    }
+
+    /// The document as JSON text.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
+    pub fn to_json(&self) -> Result<String> {
+        to_json(self)
+    }
+}

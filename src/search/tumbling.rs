@@ -1,0 +1,318 @@
+//! Continuous tumbling: positions that turn slowly while they are held.
+//!
+//! Each dwell of a finished plan becomes a measured move from a start to an end attitude, the
+//! same one to begin with, so that the plan without turning is where the refinement starts and
+//! can only be improved. Between such segments the platform jumps as before, unmeasured. This is
+//! how the best free schedules look: slow turning inside the dwells, the big jumps stay.
+//!
+//! A segment turns no faster than the slew rate; its two ends lie within the gimbal ranges, and
+//! with them all in between. In the schedule a turning segment is two entries, the second
+//! reached by a measured move with no dwell of its own; one that hardly turns is a plain dwell.
+
+use super::finish::{round_angle_deg, whole_periods};
+use super::pipeline::Context;
+use super::refine::{Coordinates, minimise};
+use super::variables::{AngleMap, Plan};
+use crate::attitude::Position;
+use crate::covariance::TickRule;
+use crate::covariance::gradient::LegGradient;
+use crate::criterion::Smoothing;
+use crate::motion::{Leg, Timeline, gimbal_change};
+use crate::platform::Platform;
+use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Free variables of a segment: three angles at each end, and its share of the time.
+const PER_SEGMENT: usize = 7;
+/// L-BFGS iterations; each visits every filter period of the test.
+const ITERATIONS: u64 = 150;
+/// A segment that turns less than this is a plain dwell, rad (0.005°).
+const STILL_RAD: f64 = 1e-4;
+/// First turn of each segment, rad: not zero, where some slopes vanish by symmetry.
+const FIRST_TURN_RAD: f64 = 0.02;
+
+/// A test of turning segments.
+#[derive(Debug, Clone, PartialEq)]
+struct TurningPlan {
+    /// Start and end angles of each segment, rad.
+    ends: Vec<[[f64; 3]; 2]>,
+    duration_s: Vec<f64>,
+}
+
+impl TurningPlan {
+    fn timeline(&self, platform: &Platform) -> Timeline {
+        let mut legs: Vec<Leg> = Vec::with_capacity(2 * self.ends.len());
+        for entry in self.entries() {
+            let from = legs.last().map(|leg| leg.position);
+            legs.push(Timeline::leg(platform, from, &entry));
+        }
+        Timeline::from_legs(legs)
+    }
+
+    /// Two entries per segment, turning or not.
+    fn entries(&self) -> impl Iterator<Item = ScheduledPosition> + '_ {
+        self.ends
+            .iter()
+            .zip(&self.duration_s)
+            .flat_map(|([start, end], &duration_s)| {
+                let start = ScheduledPosition::new(Position::from_array(*start), 0.0);
+                let end = ScheduledPosition {
+                    move_s: Some(duration_s),
+                    move_measured: Some(true),
+                    ..ScheduledPosition::new(Position::from_array(*end), 0.0)
+                };
+                [start, end]
+            })
+    }
+
+    /// How far segment `k` turns, rad, by the axis that turns most.
+    fn turn(&self, platform: &Platform, k: usize) -> f64 {
+        let [start, end] = self.ends[k].map(Position::from_array);
+        let change = gimbal_change(platform, start, end);
+        change.iter().fold(0.0, |max, c| c.abs().max(max))
+    }
+
+    /// Whether every segment keeps to the slew rate.
+    fn is_slow_enough(&self, platform: &Platform) -> bool {
+        let Some(rate) = platform.motion().slew_rate_rad_per_s else {
+            return true;
+        };
+        (0..self.ends.len()).all(|k| self.turn(platform, k) <= rate * self.duration_s[k])
+    }
+
+    /// As a schedule; segments that hardly turn are plain dwells.
+    fn to_schedule(&self, platform: &Platform) -> Option<Schedule> {
+        let mut positions = Vec::new();
+        for (k, pair) in self
+            .entries()
+            .collect::<Vec<_>>()
+            .chunks_exact(2)
+            .enumerate()
+        {
+            if self.turn(platform, k) < STILL_RAD {
+                let dwell_s = self.duration_s[k];
+                positions.push(ScheduledPosition { dwell_s, ..pair[0] });
+            } else {
+                positions.extend_from_slice(pair);
+            }
+        }
+        Schedule::new(positions).ok()
+    }
+}
+
+/// The variables of a turning plan; always takes the total time.
+struct TurningVariables<'a> {
+    platform: &'a Platform,
+    maps: [AngleMap; 3],
+    total_time_s: f64,
+}
+
+impl TurningVariables<'_> {
+    fn encode(&self, plan: &TurningPlan) -> Vec<f64> {
+        let shortest_s = self.platform.shortest_dwell_s();
+        let mut x = Vec::with_capacity(PER_SEGMENT * plan.ends.len());
+        for (ends, duration) in plan.ends.iter().zip(&plan.duration_s) {
+            for angles in ends {
+                x.extend((0..3).map(|axis| self.maps[axis].variable(angles[axis])));
+            }
+            x.push(
+                (duration - shortest_s)
+                    .max(0.1 * self.platform.period_s)
+                    .ln(),
+            );
+        }
+        x
+    }
+
+    fn decode(&self, x: &[f64]) -> Option<TurningPlan> {
+        let angles = |c: &[f64]| std::array::from_fn(|axis| self.maps[axis].angle(c[axis]));
+        let ends: Vec<[[f64; 3]; 2]> = x
+            .chunks_exact(PER_SEGMENT)
+            .map(|c| [angles(c), angles(&c[3..])])
+            .collect();
+        let mut plan = TurningPlan {
+            duration_s: vec![0.0; ends.len()],
+            ends,
+        };
+        let spare = self.spare(&plan)?;
+        let shortest_s = self.platform.shortest_dwell_s();
+        for (duration, share) in plan.duration_s.iter_mut().zip(shares(x)) {
+            *duration = shortest_s + spare * share;
+        }
+        plan.is_slow_enough(self.platform).then_some(plan)
+    }
+
+    /// What jumps, settles and shortest segments leave of the total time.
+    fn spare(&self, plan: &TurningPlan) -> Option<f64> {
+        let legs = plan.timeline(self.platform);
+        let jumps: f64 = legs.legs().iter().step_by(2).map(Leg::duration_s).sum();
+        let shortest = plan.ends.len() as f64 * self.platform.shortest_dwell_s();
+        let spare = self.total_time_s - jumps - shortest;
+        (spare > 0.0).then_some(spare)
+    }
+}
+
+/// softmax of the last variable of each segment.
+fn shares(x: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    let z = |c: &[f64]| c[PER_SEGMENT - 1];
+    let top = x.chunks_exact(PER_SEGMENT).map(z).fold(f64::MIN, f64::max);
+    let sum: f64 = x
+        .chunks_exact(PER_SEGMENT)
+        .map(|c| (z(c) - top).exp())
+        .sum();
+    x.chunks_exact(PER_SEGMENT)
+        .map(move |c| (z(c) - top).exp() / sum)
+}
+
+impl Coordinates for TurningVariables<'_> {
+    fn timeline(&self, x: &[f64]) -> Option<Timeline> {
+        Some(self.decode(x)?.timeline(self.platform))
+    }
+
+    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
+        let shares: Vec<f64> = shares(x).collect();
+        // The duration of a segment is the move to its second entry.
+        let turned = legs.chunks_exact(2).map(|pair| pair[1].move_s);
+        let mean: f64 = shares.iter().zip(turned).map(|(s, g)| s * g).sum();
+        let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
+        if let Some(rate) = self.platform.motion().slew_rate_rad_per_s {
+            // Jumps take their time from the segments.
+            for (k, leg) in timeline.legs().iter().enumerate().step_by(2) {
+                let Some(m) = leg.arrival.filter(|m| m.duration_s > 0.0) else {
+                    continue;
+                };
+                let (axis, _) = m.slowest_axis();
+                let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean);
+                angles[k][axis] += slope;
+                angles[k - 1][axis] -= slope;
+            }
+        }
+        let shortest_s = self.platform.shortest_dwell_s();
+        let durations = timeline
+            .legs()
+            .iter()
+            .skip(1)
+            .step_by(2)
+            .map(Leg::duration_s);
+        let spare: f64 = durations.map(|d| d - shortest_s).sum();
+        let mut gradient = Vec::with_capacity(x.len());
+        for (k, c) in x.chunks_exact(PER_SEGMENT).enumerate() {
+            for end in 0..2 {
+                for axis in 0..3 {
+                    let slope = self.maps[axis].slope(c[3 * end + axis]);
+                    gradient.push(angles[2 * k + end][axis] * slope);
+                }
+            }
+            gradient.push(spare * shares[k] * (legs[2 * k + 1].move_s - mean));
+        }
+        gradient
+    }
+}
+
+/// The schedule that turns during the dwells of `plan`, with the criterion it reaches by the
+/// filter's own tick rule; none when it comes to nothing.
+pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule)> {
+    let platform = context.evaluator.platform();
+    let variables = TurningVariables {
+        platform,
+        maps: platform.gimbals().ranges.map(AngleMap::new),
+        total_time_s: context.problem.total_time_s,
+    };
+    let turns = plan.angles.iter().enumerate().map(|(k, start)| {
+        let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let step = sign * FIRST_TURN_RAD;
+        [start.map(|a| a - 0.5 * step), start.map(|a| a + 0.5 * step)]
+    });
+    let start = TurningPlan {
+        ends: turns.collect(),
+        duration_s: plan.dwell_s.clone(),
+    };
+    let smoothing = match context.evaluator.objective().criterion.has_kinks() {
+        true => Smoothing::PowerMean(super::finish::SHARPEST),
+        false => Smoothing::Exact,
+    };
+    let (_, x) = minimise(
+        context,
+        &variables,
+        variables.encode(&start),
+        smoothing,
+        ITERATIONS,
+    )?;
+    let rounded = round(
+        platform,
+        context.problem.total_time_s,
+        &variables.decode(&x)?,
+    )?;
+    let schedule = rounded.to_schedule(platform)?;
+    let timeline = Timeline::new(platform, &schedule).ok()?;
+    context.work.count_evaluations(1);
+    let model = context.evaluator.model();
+    let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
+    let criterion = context.evaluator.objective().criterion;
+    Some((criterion.value(&end.coefficients).ok()?, schedule))
+}
+
+/// Angles to the stand's resolution, durations to whole periods within the total time.
+fn round(platform: &Platform, total_time_s: f64, plan: &TurningPlan) -> Option<TurningPlan> {
+    let mut rounded = plan.clone();
+    for angles in rounded.ends.iter_mut().flatten() {
+        let deg: [f64; 3] =
+            std::array::from_fn(|axis| round_angle_deg(platform, axis, angles[axis]));
+        *angles = Position::from_deg(deg[0], deg[1], deg[2]).to_array();
+    }
+    let timeline = rounded.timeline(platform);
+    let jumps: f64 = timeline.legs().iter().step_by(2).map(Leg::duration_s).sum();
+    rounded.duration_s = whole_periods(platform, &rounded.duration_s, total_time_s - jumps)?;
+    rounded.is_slow_enough(platform).then_some(rounded)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{Evaluator, Objective};
+    use crate::platform::PlatformConfig;
+
+    #[test]
+    fn pulled_back_gradient_is_the_derivative() {
+        let mut config = PlatformConfig::default();
+        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.settle_s = 20.0;
+        config.gimbals.beta_deg = Some([-60.0, 60.0]);
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let platform = evaluator.platform();
+        let variables = TurningVariables {
+            platform,
+            maps: platform.gimbals().ranges.map(AngleMap::new),
+            total_time_s: 5000.0,
+        };
+        let start = |k: f64| [1.3 * k - 4.0, (0.9 * k).sin() * 0.8, 2.0 - 0.7 * k];
+        let plan = TurningPlan {
+            ends: (0..6)
+                .map(|k| [start(f64::from(k)), start(f64::from(k)).map(|a| a + 0.1)])
+                .collect(),
+            duration_s: (0..6).map(|k| 400.0 + 60.0 * f64::from(k)).collect(),
+        };
+        let x = variables.encode(&plan);
+        let timeline = variables.timeline(&x).unwrap();
+        assert!((timeline.total_time_s() - 5000.0).abs() < 1e-6);
+        let (_, legs) = evaluator
+            .merit_gradient(&timeline, Smoothing::Exact)
+            .unwrap();
+        let gradient = variables.pull_back(&x, &timeline, &legs);
+        let f = |x: &[f64]| {
+            let timeline = variables.timeline(x).unwrap();
+            evaluator.merit(&timeline, Smoothing::Exact).unwrap()
+        };
+        for i in 0..x.len() {
+            let h = 1e-6;
+            let (mut hi, mut lo) = (x.clone(), x.clone());
+            hi[i] += h;
+            lo[i] -= h;
+            let numeric = (f(&hi) - f(&lo)) / (2.0 * h);
+            assert!(
+                (numeric - gradient[i]).abs() < 5e-6,
+                "{i}: {numeric} {}",
+                gradient[i]
+            );
+        }
+    }
+}

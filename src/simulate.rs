@@ -1,0 +1,351 @@
+//! Simulation of a test: a nonlinear true platform, a filter at work on its measurements, and
+//! many such runs to see whether the errors are as large as the filter says.
+//!
+//! # Equations of the true platform
+//!
+//! The paper writes everything to first order in ψ. Without that, (1) reads
+//! `C_c^p = exp(−[ψ×])`: p is c turned by ψ (with `C_i^j` from i to j, as the paper defines it;
+//! only so do (5) and (6), where `−C_c^p g^c + g^c` becomes `−[g^c×] ψ`, agree with it). The
+//! platform executes the commanded rate ω_c in its own axes and drifts:
+//!
+//! ```text
+//! ω_ip^p = ω_c + ε^p                             ε^p = D_F + M g^p + w          (3)
+//! d/dt C_p^n = C_p^n [ω_ip^p×] − [ω_ie^n×] C_p^n,   the same for c with ω_c
+//! ```
+//!
+//! where g^p = C_n^p g^n is what the true platform feels ((4), with the sign that its own later
+//! equations need). To first order in ψ the difference of p and c is (2), ψ̇ = ψ × ω_c + ε.
+//! Exactly, with E = C_p^n C_n^c = exp([ψ^n×]), the rotation in n that takes the computed
+//! platform to the true one, the commanded rate **cancels**:
+//!
+//! ```text
+//! Ė = [ε^n×] E + E [ω_ie^n×] − [ω_ie^n×] E,     ε^n = C_p^n ε^p = A(C_p^n) D + w^n
+//! ```
+//!
+//! whose first order is (8). So ψ^n is continuous across a slew without any approximation; what
+//! a slew changes is C_c^n and with it g^p. Kept are the products the paper drops after (3) and
+//! before (11): the drift acts in the true platform's axes and feels the true platform's tilt.
+//! Integrated by the classical fourth-order Runge–Kutta method on the quaternion of E, one step a
+//! filter period, more while the platform turns. The measurement is (5), (6):
+//! `Z = −C_n^p g^n + g^c + v`, three accelerometers.
+//!
+//! In `frame-hold` repositioning C_c^p is kept while C_c^n jumps: E ← Q E Qᵀ with
+//! Q = C_{k+1} C_kᵀ.
+//!
+//! The random drift is held over a filter period, with the variance q / period that makes its
+//! average over a period have the 1σ of the platform file, and in n, where holding it leaves its
+//! covariance q t I during a slew too (w is isotropic).
+//!
+//! # Filters
+//!
+//! [`FilterModel::Linear`] is the paper's: the Kalman filter on (8), (9), linearised at ψ = 0.
+//! Its gains do not depend on the data and are computed once for all runs.
+//!
+//! That model asks more than a small ψ: it drops ψ × ε. With drifts of 10 °/h left
+//! uncompensated the platform turns by degrees within a position, and the dropped products
+//! exceed the σ that the test reaches by orders of magnitude. [`FilterModel::Extended`]
+//! linearises about its estimate. With the error η on the left, E = exp([η×]) Ê, the exact
+//! equation gives
+//!
+//! ```text
+//! η̇ = (−[ω_ie^n×] + M^n [g^n×]) η + A(Ĉ_p^n) δD + w^n,     M^n = Ĉ_p^n M̂ Ĉ_n^p
+//! Ê (C_c^n Z − Ẑ^n) = η × g^n + v = (η_z, 0, −η_x) + v
+//! ```
+//!
+//! the linear filter with the attitude the platform is estimated to have, and one more term: the
+//! tilt changes the specific force and so the drift. The measurement equation is (9) unchanged.
+//!
+//! [`FilterModel::Iterated`] linearises about the estimate of the *whole* test: it traces the
+//! estimate back to the start, goes through the measurements again with the same prior, and
+//! repeats that until the estimate stays (Gauss–Newton). It forgets what early, wrong points of
+//! linearisation did to the extended filter.
+
+pub mod consistency;
+mod ekf;
+mod monte_carlo;
+mod program;
+mod square_root;
+mod sweep;
+mod trajectory;
+mod truth;
+
+pub use monte_carlo::{MAX_RUNS, MonteCarlo, PositionCheck, StateCheck};
+pub use program::MAX_INTERVALS;
+pub use sweep::{PriorSize, SweepPoint, largest_without_optimism, sweep};
+pub use trajectory::{Sample, Trajectory};
+
+use nalgebra::Vector3;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::drift::CoefficientVector;
+use crate::error::{Error, Result};
+use crate::motion::Timeline;
+use crate::platform::Platform;
+
+use ekf::{Belief, ExtendedFilter, Filter, Gains, LinearFilter};
+use program::Program;
+use square_root::StateVector;
+use truth::{Record, TrueNoise};
+
+/// Equations of the true platform.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TruthModel {
+    /// Exact rotations and specific forces, see the module text.
+    #[default]
+    Nonlinear,
+    /// The paper's (8) and (9): what its own simulation integrates.
+    FirstOrder,
+}
+
+impl TruthModel {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Nonlinear, Self::FirstOrder];
+
+    /// The name in options and documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nonlinear => "nonlinear",
+            Self::FirstOrder => "first-order",
+        }
+    }
+}
+
+/// What the filter linearises about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FilterModel {
+    /// ψ = 0: the paper's linear model.
+    Linear,
+    /// The estimate of the moment.
+    Extended,
+    /// The estimate of the whole test, in several passes.
+    #[default]
+    Iterated,
+}
+
+impl FilterModel {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Linear, Self::Extended, Self::Iterated];
+
+    /// The name in options and documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Extended => "extended",
+            Self::Iterated => "iterated",
+        }
+    }
+}
+
+/// Whether the truth has noise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TruthNoise {
+    /// Random drift and accelerometer noise as the platform has them.
+    #[default]
+    Drawn,
+    /// None: for comparing models.
+    None,
+}
+
+/// What the filter is told of the noises, as factors of the truth's 1σ. One is the truth;
+/// anything else makes a filter that misjudges itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToldNoise {
+    /// Of the accelerometers.
+    pub accelerometer_factor: f64,
+    /// Of the random drift.
+    pub random_drift_factor: f64,
+}
+
+impl ToldNoise {
+    /// The same factor for both.
+    pub const fn both(factor: f64) -> Self {
+        Self {
+            accelerometer_factor: factor,
+            random_drift_factor: factor,
+        }
+    }
+}
+
+impl Default for ToldNoise {
+    fn default() -> Self {
+        Self::both(1.0)
+    }
+}
+
+/// What is simulated, and with what filter.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SimulationOptions {
+    /// Equations of the true platform.
+    pub truth: TruthModel,
+    /// What the filter linearises about.
+    pub filter: FilterModel,
+    /// Whether the truth has noise.
+    pub noise: TruthNoise,
+    /// What the filter is told of it.
+    pub told: ToldNoise,
+}
+
+/// The true values a run starts from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InitialTruth {
+    /// ψ^n(0) about North, Up, East: the rotation vector of E, arcsec.
+    pub misalignment_n_arcsec: Vector3<f64>,
+    /// D, °/h (per g).
+    pub drift_deg_per_h: CoefficientVector,
+}
+
+/// A test ready to be simulated. The filter starts from zero with the platform's prior.
+///
+/// ```
+/// use scheme_opt::motion::Timeline;
+/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::schedule::standard::StandardScheme;
+/// use scheme_opt::simulate::consistency::Verdict;
+/// use scheme_opt::simulate::{Simulation, SimulationOptions};
+///
+/// let platform = PlatformConfig::default().check()?;
+/// let schedule = StandardScheme::from_name("icosahedron-12")?.schedule(6000.0, &platform)?;
+/// let timeline = Timeline::new(&platform, &schedule)?;
+/// let simulation = Simulation::new(&platform, &timeline, SimulationOptions::default())?;
+/// let found = simulation.monte_carlo(20, 1)?;
+/// assert_eq!(found.nees.map(|n| n.verdict), Some(Verdict::Consistent));
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Simulation {
+    platform: Platform,
+    options: SimulationOptions,
+    program: Program,
+    belief: Belief,
+    /// 1σ that truths are drawn with.
+    prior_sigma: StateVector,
+    /// Of the linear filter.
+    gains: Gains,
+}
+
+/// Most passes of an iterated filter; two or three are usual.
+const MOST_PASSES: usize = 6;
+
+/// An iterated filter stops when its estimate lies within this, squared and in σ, of what it was
+/// linearised about.
+const CONVERGED: f64 = 0.01;
+
+/// One interval of a run, done.
+struct Step<'s, 'a> {
+    index: usize,
+    record: &'s Record,
+    filter: &'s Filter<'a>,
+    nis: Option<f64>,
+}
+
+impl Simulation {
+    /// Prepares.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`].
+    pub fn new(
+        platform: &Platform,
+        timeline: &Timeline,
+        options: SimulationOptions,
+    ) -> Result<Self> {
+        for (key, factor) in [
+            (
+                "told.accelerometer_factor",
+                options.told.accelerometer_factor,
+            ),
+            ("told.random_drift_factor", options.told.random_drift_factor),
+        ] {
+            if !(1e-6..=1e6).contains(&factor) {
+                return Err(Error::out_of_range(key, factor, "1e-6 to 1e6"));
+            }
+        }
+        let program = Program::new(platform, timeline)?;
+        let belief = Belief::new(platform, &options.told);
+        let gains = Gains::new(&program, &belief, &mut |_| {});
+        Ok(Self {
+            platform: platform.clone(),
+            options,
+            prior_sigma: belief.prior_sigma,
+            program,
+            belief,
+            gains,
+        })
+    }
+
+    /// The options.
+    pub fn options(&self) -> &SimulationOptions {
+        &self.options
+    }
+
+    /// What happens in one run.
+    fn record(&self, initial: &InitialTruth, random: &mut ChaCha8Rng) -> Record {
+        let noise = match self.options.noise {
+            TruthNoise::Drawn => TrueNoise {
+                drift_psd: self.platform.drift_psd_rad2_per_s(),
+                accelerometer_g: self.platform.noise_g(),
+            },
+            TruthNoise::None => TrueNoise {
+                drift_psd: 0.0,
+                accelerometer_g: 0.0,
+            },
+        };
+        let (model, earth) = (self.options.truth, &self.belief.earth_rate_n);
+        Record::new(&self.program, earth, model, initial, noise, random)
+    }
+
+    /// What the filter makes of a run. `observe` is called after every interval; an iterated
+    /// filter goes through the test more than once and starts again at index 0.
+    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) {
+        if self.options.filter == FilterModel::Linear {
+            let filter = Filter::Linear(LinearFilter::new(&self.gains));
+            self.pass(record, filter, observe);
+            return;
+        }
+        let mut filter = ExtendedFilter::new(&self.belief);
+        let passes = match self.options.filter {
+            FilterModel::Iterated => MOST_PASSES,
+            FilterModel::Linear | FilterModel::Extended => 1,
+        };
+        for pass in 1..=passes {
+            let Filter::Extended(done) = self.pass(record, Filter::Extended(filter), observe)
+            else {
+                return;
+            };
+            if pass > 1 && done.deviation() < CONVERGED {
+                return;
+            }
+            filter = ExtendedFilter::about(&self.belief, done.retraced(&self.program));
+        }
+    }
+
+    /// Takes `filter` through the test.
+    fn pass<'a>(
+        &self,
+        record: &Record,
+        mut filter: Filter<'a>,
+        observe: &mut dyn FnMut(&Step<'_, '_>),
+    ) -> Filter<'a> {
+        for (index, interval) in self.program.intervals.iter().enumerate() {
+            filter.advance(&self.program, interval);
+            let nis = interval
+                .measured
+                .then(|| filter.measure(interval, &record.z[index]));
+            observe(&Step {
+                index,
+                record,
+                filter: &filter,
+                nis,
+            });
+        }
+        filter
+    }
+}
+
+/// The generator of run number `run`: a stream of its own.
+fn stream(seed: u64, run: u64) -> ChaCha8Rng {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(run);
+    random
+}

@@ -1,0 +1,136 @@
+//! Whether errors are as large as a filter says: averages of χ² statistics against their bounds
+//! (Bar-Shalom, Li & Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
+//! 2001, section 5.4).
+//!
+//! The sum of N independent χ² statistics with m degrees of freedom is χ² with N m. The average
+//! of a consistent filter lies between the 2.5 % and the 97.5 % quantile of that, divided by N,
+//! in 95 of 100 experiments, and outside in the other five.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Probability with which a consistent filter lies within the bounds.
+pub const PROBABILITY: f64 = 0.95;
+
+/// What the comparison says of a filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Errors are as large as the filter says.
+    Consistent,
+    /// Errors are larger: the filter claims more than it knows.
+    Optimistic,
+    /// Errors are smaller: the filter knows more than it claims.
+    Pessimistic,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Consistent => "consistent",
+            Self::Optimistic => "optimistic",
+            Self::Pessimistic => "pessimistic",
+        })
+    }
+}
+
+/// An average of χ² statistics, its bounds and the verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Consistency {
+    /// The average; its expected value is `degrees_of_freedom`.
+    pub average: f64,
+    /// Degrees of freedom of one statistic.
+    pub degrees_of_freedom: usize,
+    /// How many statistics are averaged.
+    pub count: usize,
+    /// Lower and upper bound of the average, 95 % between them.
+    pub bounds: [f64; 2],
+    /// What that says.
+    pub verdict: Verdict,
+}
+
+impl Consistency {
+    /// From the `sum` of `count` statistics with `degrees_of_freedom` each.
+    ///
+    /// `None` when nothing was summed.
+    ///
+    /// ```
+    /// use scheme_opt::simulate::consistency::{Consistency, Verdict};
+    /// let c = Consistency::of_sum(1500.0, 15, 100).unwrap();
+    /// assert_eq!((c.average, c.verdict), (15.0, Verdict::Consistent));
+    /// assert!(c.bounds[0] > 13.9 && c.bounds[1] < 16.1);
+    /// assert_eq!(Consistency::of_sum(2000.0, 15, 100).unwrap().verdict, Verdict::Optimistic);
+    /// ```
+    pub fn of_sum(sum: f64, degrees_of_freedom: usize, count: usize) -> Option<Self> {
+        let bounds = chi_squared_bounds(degrees_of_freedom * count)?.map(|q| q / count as f64);
+        let average = sum / count as f64;
+        // NaN, from a run that lost itself altogether, is anything but consistent.
+        let verdict = if average < bounds[0] {
+            Verdict::Pessimistic
+        } else if average <= bounds[1] {
+            Verdict::Consistent
+        } else {
+            Verdict::Optimistic
+        };
+        Some(Self {
+            average,
+            degrees_of_freedom,
+            count,
+            bounds,
+            verdict,
+        })
+    }
+}
+
+/// The 2.5 % and 97.5 % quantiles of χ² with that many degrees of freedom; none for zero.
+pub fn chi_squared_bounds(degrees_of_freedom: usize) -> Option<[f64; 2]> {
+    let distribution = ChiSquared::new(degrees_of_freedom as f64).ok()?;
+    let tail = 0.5 * (1.0 - PROBABILITY);
+    Some([
+        distribution.inverse_cdf(tail),
+        distribution.inverse_cdf(1.0 - tail),
+    ])
+}
+
+/// Bounds of √(mean of squares) of `count` standard normal numbers: the band of an RMS error
+/// divided by its predicted σ. `None` for a count of zero.
+pub fn rms_ratio_bounds(count: usize) -> Option<[f64; 2]> {
+    Some(chi_squared_bounds(count)?.map(|q| (q / count as f64).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        // Abramowitz & Stegun, table 26.8: χ²(0.975 and 0.025 upper tail).
+        for (dof, low, high) in [
+            (1, 0.000_982_069, 5.02389),
+            (10, 3.24697, 20.4831),
+            (100, 74.2219, 129.561),
+        ] {
+            let [l, h] = chi_squared_bounds(dof).unwrap();
+            assert!((l / low - 1.0).abs() < 1e-5 && (h / high - 1.0).abs() < 1e-5);
+        }
+        // Wilson–Hilferty where the tables end.
+        let n = 1.2e6_f64;
+        let expected = [-1.959_964, 1.959_964].map(|z| {
+            let s = 2.0 / (9.0 * n);
+            n * (1.0 - s + z * s.sqrt()).powi(3)
+        });
+        let found = chi_squared_bounds(1_200_000).unwrap();
+        for (f, e) in found.iter().zip(expected) {
+            assert!((f / e - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(chi_squared_bounds(0), None);
+    }
+
+    #[test]
+    fn a_sum_that_is_no_number_is_not_consistent() {
+        let c = Consistency::of_sum(f64::NAN, 15, 10).unwrap();
+        assert_eq!(c.verdict, Verdict::Optimistic);
+    }
+}

@@ -1,0 +1,399 @@
+//! What the commands do with good input, and how they end.
+
+use std::process::{Command, Stdio};
+
+use scheme_opt::schedule::file;
+use serde_json::Value;
+
+use super::documents::{has_evaluation_fields, has_result_fields, sigmas, strings, text};
+use super::{Desk, Run, SCHEDULE, names};
+
+#[test]
+fn help_and_version_are_data() {
+    let desk = Desk::new();
+    let help = desk.done(&["--help"]);
+    for part in ["search", "evaluate", "init", "standard", "130"] {
+        assert!(help.contains(part), "{part}");
+    }
+    assert!(desk.done(&["--version"]).starts_with("scheme-opt "));
+    for command in ["search", "evaluate", "init", "standard"] {
+        assert!(
+            desk.done(&[command, "--help"])
+                .contains("Usage: scheme-opt")
+        );
+    }
+}
+
+#[test]
+fn init_writes_a_platform_file_that_search_takes() {
+    let desk = Desk::new();
+    assert_eq!(desk.done(&["init"]), "");
+    let written = desk.text("platform.toml");
+    assert_eq!(desk.done(&["init", "-"]), written);
+    desk.write("platform.toml", "mine");
+    let run = desk.run(&["init"]);
+    run.refused(&["platform.toml", "exists", "--force"]);
+    assert_eq!(desk.text("platform.toml"), "mine");
+    desk.done(&["init", "--force", "--quiet"]);
+    assert_eq!(desk.text("platform.toml"), written);
+    desk.done(&["search", "platform.toml", "--starts", "1", "-o", "out"]);
+    assert_eq!(desk.files(), ["out", "platform.toml"]);
+    let defaulted = desk.json("out/result.json")["defaulted"].clone();
+    let defaulted: Vec<&str> = defaulted.as_array().unwrap().iter().map(text).collect();
+    assert!(!defaulted.contains(&"site.latitude_deg"), "{defaulted:?}");
+}
+
+#[test]
+fn standard_lists_and_writes_the_schemes() {
+    let desk = Desk::new();
+    let list = desk.done(&["standard"]);
+    assert!(list.contains("icosahedron-12") && list.lines().all(|l| l.chars().count() <= 80));
+    let list: Value = serde_json::from_str(&desk.done(&["standard", "--json"])).unwrap();
+    assert_eq!(list["schema"], "scheme-opt/standard/1");
+    assert_eq!(list["schemes"][0]["name"], "faces-6");
+
+    let json = desk.done(&["standard", "edges-12", "--total-time-s", "6000"]);
+    let csv = desk.done(&[
+        "standard",
+        "edges-12",
+        "--total-time-s",
+        "6000",
+        "--format",
+        "csv",
+    ]);
+    let schedule = file::from_json(&json).unwrap();
+    assert_eq!(schedule, file::from_csv(&csv).unwrap());
+    assert_eq!(schedule.positions().len(), 12);
+    assert!((schedule.dwell_sum_s() - 6000.0).abs() < 1e-6);
+    for name in ["e.csv", "e.json"] {
+        let args = ["standard", "edges-12", "--total-time-s", "6000", "-o", name];
+        assert_eq!(desk.done(&args), "");
+    }
+    assert_eq!((desk.text("e.csv"), desk.text("e.json")), (csv, json));
+}
+
+#[test]
+fn a_scheme_the_platform_cannot_take_is_infeasible() {
+    let desk = Desk::new();
+    desk.write("p.toml", "[gimbals]\nalpha_deg = [-10, 10]\n");
+    let run = desk.run(&["standard", "faces-6", "--platform", "p.toml"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stderr.contains("faces-6") && run.stdout.is_empty());
+}
+
+#[test]
+fn evaluate_prints_tables_that_fit_and_the_documented_json() {
+    let desk = Desk::new();
+    desk.write("s.csv", SCHEDULE);
+    desk.write(
+        "p.toml",
+        "[motion]\nslew_rate_deg_per_s = 0.5\nsettle_s = 30\n\
+         [objective.spec_deg_per_h]\ndefault = 0.005\nD_IX = 1e-6\n",
+    );
+    let report = desk.done(&["evaluate", "-s", "s.csv", "-p", "p.toml"]);
+    for part in [
+        "RMS sigma",
+        "deg/h",
+        "arcsec",
+        "D_IZ",
+        "psi_ny",
+        "unknowns",
+        "missed",
+        "+ 30 s",
+    ] {
+        assert!(report.contains(part), "{part} in:\n{report}");
+    }
+    assert!(report.lines().all(|l| l.chars().count() <= 80), "{report}");
+
+    let args = [
+        "evaluate",
+        "--schedule",
+        "s.csv",
+        "--platform",
+        "p.toml",
+        "--json",
+    ];
+    let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    has_evaluation_fields(&document);
+    let coefficients = document["coefficients"].as_array().unwrap();
+    assert_eq!(coefficients[3]["spec_deg_per_h"], 1e-6);
+    assert!(coefficients[3].get("time_to_spec_s").is_none());
+    assert!(coefficients[0]["time_to_spec_s"].as_f64().unwrap() > 0.0);
+    assert!(document["overhead_s"].as_f64().unwrap() > 150.0);
+    assert_eq!(document["inputs"]["motion"]["settle_s"], 30.0);
+    assert_eq!(document["inputs"]["site"]["latitude_deg"], 28.2);
+    assert!(strings(&document["defaulted"]).contains(&"site.latitude_deg"));
+    assert!(!strings(&document["defaulted"]).contains(&"motion.settle_s"));
+}
+
+#[test]
+fn what_is_unobservable_is_said_in_words_and_null_in_json() {
+    let desk = Desk::new();
+    desk.write(
+        "s.csv",
+        "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,0,0,1000\n",
+    );
+    let report = desk.done(&["evaluate", "-s", "s.csv"]);
+    assert!(report.contains("D_FX + D_SX"), "{report}");
+    let document: Value =
+        serde_json::from_str(&desk.done(&["evaluate", "-s", "s.csv", "--json"])).unwrap();
+    let observability = &document["observability"];
+    assert_eq!(observability["rank"], 3);
+    assert_eq!(observability["unknowns"], 13);
+    assert!(observability["condition_number"].is_null());
+    assert!(strings(&observability["unobservable"]).contains(&"D_FX + D_SX"));
+    assert!(document["coefficients"][0]["observability_order"].is_null());
+}
+
+#[test]
+fn search_writes_what_it_reports() {
+    let desk = Desk::new();
+    let report = desk.done(&["search", "--starts", "4"]);
+    let written = names(&desk.path("scheme-opt-out"));
+    assert_eq!(written, ["result.json", "schedule.csv", "schedule.json"]);
+    assert!(report.starts_with("RMS sigma 0.0009"), "{report}");
+    let tables = report.lines().filter(|l| l.starts_with('|'));
+    assert!(tables.clone().count() > 30 && tables.into_iter().all(|l| l.chars().count() <= 80));
+    assert!(report.contains("better than the best standard scheme"));
+
+    let json = file::read(&desk.path("scheme-opt-out/schedule.json")).unwrap();
+    let csv = file::read(&desk.path("scheme-opt-out/schedule.csv")).unwrap();
+    assert_eq!(json, csv);
+    let result = desk.json("scheme-opt-out/result.json");
+    has_result_fields(&result);
+    assert!(result["wall_time_s"].as_f64().unwrap() > 0.0);
+    assert_eq!(result["status"], "converged");
+    assert_eq!(result["seed"], 1);
+
+    for name in ["schedule.json", "schedule.csv"] {
+        let path = format!("scheme-opt-out/{name}");
+        let again = desk.done(&["evaluate", "--schedule", &path, "--json"]);
+        let again: Value = serde_json::from_str(&again).unwrap();
+        for (a, b) in sigmas(&again)
+            .into_iter()
+            .zip(sigmas(&result["evaluation"]))
+        {
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn search_prints_the_document_and_nothing_else_with_json() {
+    let desk = Desk::new();
+    desk.write(
+        "p.toml",
+        "[gimbals]\nbeta_deg = [-60, 60]\n[motion]\nslew_rate_deg_per_s = 1\n",
+    );
+    let args = [
+        "search", "p.toml", "--starts", "2", "--json", "--seed", "7", "-o", "deep/out",
+    ];
+    let run = desk.run(&args);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("deep/out/schedule.csv"));
+    assert_eq!(run.stdout, desk.text("deep/out/result.json"));
+    let document: Value = serde_json::from_str(&run.stdout).unwrap();
+    has_result_fields(&document);
+    assert_eq!(document["seed"], 7);
+    assert_eq!(document["inputs"]["search"]["seed"], 7);
+    let total_time_s = document["evaluation"]["total_time_s"].as_f64().unwrap();
+    assert!(total_time_s > 11_980.0 && total_time_s <= 12_000.0 + 1e-6);
+    // axis-24 turns the middle gimbal by 90 degrees.
+    let compared = document["baselines"].as_array().unwrap().len();
+    let skipped = document["baselines_skipped"].as_array().unwrap();
+    assert_eq!(compared + skipped.len(), 8);
+    assert_eq!(skipped[0]["name"], "axis-24");
+    assert!(text(&skipped[0]["reason"]).contains("beta_deg"));
+
+    let quiet: Vec<&str> = args.into_iter().chain(["--quiet"]).collect();
+    assert_eq!(desk.run(&quiet).stderr, "");
+}
+
+#[test]
+fn equal_inputs_give_equal_bytes_whatever_the_number_of_threads() {
+    let desk = Desk::new();
+    let outputs = ["1", "2"].map(|threads| {
+        let run = ["search", "--starts", "4", "--reproducible", "--json"];
+        let args = [&run[..], &["--threads", threads, "-o", threads]].concat();
+        desk.done(&args)
+    });
+    assert_eq!(outputs[0], outputs[1]);
+    assert!(!outputs[0].contains("wall_time_s"));
+    for name in ["schedule.json", "schedule.csv", "result.json"] {
+        assert_eq!(
+            desk.text(&format!("1/{name}")),
+            desk.text(&format!("2/{name}"))
+        );
+    }
+}
+
+#[test]
+fn the_result_can_be_made_again_from_itself() {
+    let desk = Desk::new();
+    let args = [
+        "search",
+        "--starts",
+        "2",
+        "--criterion",
+        "d",
+        "--reproducible",
+        "--json",
+    ];
+    let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    let inputs: scheme_opt::study::StudyConfig =
+        serde_json::from_value(document["inputs"].clone()).unwrap();
+    assert_eq!(document["evaluation"]["score"]["criterion_name"], "d");
+    let study = inputs.check().unwrap();
+    let schedule = file::from_json(&document["schedule"].to_string()).unwrap();
+    let evaluation = study.evaluator().evaluate(&schedule).unwrap();
+    let criterion = document["evaluation"]["score"]["criterion"]
+        .as_f64()
+        .unwrap();
+    assert!((evaluation.score.criterion / criterion - 1.0).abs() < 1e-9);
+    let typed: scheme_opt::results::ResultDocument =
+        serde_json::from_value(document.clone()).unwrap();
+    assert_eq!(serde_json::to_value(&typed).unwrap(), document);
+}
+
+#[test]
+fn a_time_limit_gives_the_best_so_far() {
+    let desk = Desk::new();
+    let args = [
+        "search",
+        "--time-limit-s",
+        "0.001",
+        "--starts",
+        "100",
+        "-o",
+        "out",
+    ];
+    let report = desk.done(&args);
+    assert!(report.contains("time-limit"), "{report}");
+    assert_eq!(desk.json("out/result.json")["status"], "time-limit");
+    assert_eq!(names(&desk.path("out")).len(), 3);
+}
+
+#[test]
+fn limits_that_cannot_be_met_give_exit_code_1_and_the_nearest() {
+    let desk = Desk::new();
+    // At a pole the sum of the input coefficients is never seen.
+    desk.write(
+        "p.toml",
+        "[site]\nlatitude_deg = 90\n[objective.score]\nminimum_separability = 0.1\n",
+    );
+    let run = desk.run(&["search", "p.toml", "--starts", "1", "-o", "out"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stdout.contains("infeasible: "), "{}", run.stdout);
+    assert_eq!(desk.json("out/result.json")["status"], "infeasible");
+}
+
+#[test]
+fn a_platform_without_a_position_gives_exit_code_1_and_nothing_else() {
+    let desk = Desk::new();
+    desk.write("p.toml", "[gimbals]\nstep_deg = 15\nbeta_deg = [16, 29]\n");
+    let run = desk.run(&["search", "p.toml", "--starts", "1", "-o", "out"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stderr.contains("gimbals.step_deg"), "{}", run.stderr);
+    assert_eq!(
+        (run.stdout.as_str(), desk.files()),
+        ("", vec!["p.toml".to_owned()])
+    );
+}
+
+#[test]
+fn a_closed_pipe_is_silent() {
+    let desk = Desk::new();
+    desk.write("s.csv", SCHEDULE);
+    for args in [
+        &["evaluate", "-s", "s.csv", "--json"][..],
+        &["standard", "axis-24"],
+        &["init", "-"],
+        &["--help"],
+    ] {
+        let mut command = desk.command(args);
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let run = Run::of(child.wait_with_output().unwrap());
+        assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{args:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_writes_the_best_so_far() {
+    let desk = Desk::new();
+    let mut command = desk.command(&["search", "--starts", "50000", "-o", "out"]);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The temporary files appear when the signal handler is about to be installed.
+    while std::fs::read_dir(desk.path("out")).map_or(0, Iterator::count) < 3 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let pid = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    let run = Run::of(child.wait_with_output().unwrap());
+    assert_eq!(run.code, Some(130), "{}", run.stderr);
+    assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
+    assert_eq!(desk.json("out/result.json")["status"], "interrupted");
+    assert_eq!(names(&desk.path("out")).len(), 3);
+}
+
+#[test]
+fn the_shortest_test_meets_the_specification() {
+    let desk = Desk::new();
+    desk.write(
+        "stand.toml",
+        "[objective]\nmode = \"time\"\n[objective.spec_deg_per_h]\ndefault = 0.01\n",
+    );
+    desk.done(&["search", "stand.toml", "--starts", "4", "-o", "out"]);
+    let result = desk.json("out/result.json");
+    assert_eq!(result["status"], "converged");
+    assert!(result["evaluation"]["total_time_s"].as_f64().unwrap() < 12_000.0);
+    assert!(
+        result["evaluation"]["max_sigma_deg_per_h"]
+            .as_f64()
+            .unwrap()
+            <= 0.01
+    );
+    assert_eq!(result["evaluation"]["score"]["criterion_name"], "max-ratio");
+    // A specification out of reach: exit code 1, the nearest feasible points said.
+    desk.write(
+        "strict.toml",
+        "[objective]\nmode = \"time\"\ntotal_time_s = 3000\n[objective.spec_deg_per_h]\ndefault = 0.01\n",
+    );
+    let run = desk.run(&["search", "strict.toml", "--starts", "4", "-o", "strict"]);
+    assert_eq!(run.code, Some(1));
+    assert!(run.stdout.contains("infeasible"), "{}", run.stdout);
+    assert_eq!(desk.json("strict/result.json")["status"], "infeasible");
+}
+
+#[test]
+fn the_front_is_in_the_document_and_falls() {
+    let desk = Desk::new();
+    desk.write("front.toml", "[search]\nfront_points = 3\nstarts = 4\n");
+    let shown = desk.done(&["search", "front.toml", "--mode", "pareto", "-o", "out"]);
+    assert!(shown.contains("Total time against criterion"), "{shown}");
+    let result = desk.json("out/result.json");
+    let front = result["pareto"].as_array().unwrap();
+    assert_eq!(front.len(), 3);
+    let value = |p: &Value| p["criterion"].as_f64().unwrap();
+    assert!(value(&front[0]) > value(&front[1]) && value(&front[1]) > value(&front[2]));
+    assert_eq!(
+        front[2]["schedule"]["positions"],
+        result["schedule"]["positions"]
+    );
+}
