@@ -50,7 +50,7 @@ pub struct SearchProblem {
     pub seed: u64,
     /// A position is dropped when the score gets worse by less than this without it.
     pub position_tolerance: f64,
-    /// Whether the platform may turn slowly while it measures ([`tumbling`] in mode
+    /// Whether the platform may turn slowly while it measures (in mode
     /// `accuracy`): each position then is a measured continuous move.
     pub allow_tumbling: bool,
 }
@@ -148,12 +148,12 @@ pub fn search(
     let best = best_candidate(context, &[])?;
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
     let mut schedule = best.plan.to_schedule()?;
-    if problem.allow_tumbling && !context.must_stop() {
-        if let Some((criterion, turning)) = tumbling::tumble(context, &best.plan)
-            && criterion < best.criterion
-        {
-            schedule = turning;
-        }
+    if problem.allow_tumbling
+        && !context.must_stop()
+        && let Some((criterion, turning)) = tumbling::tumble(context, &best.plan)
+        && criterion < best.criterion
+    {
+        schedule = turning;
     }
     conclude(evaluator, control, &work, schedule)
 }

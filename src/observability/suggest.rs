@@ -7,7 +7,7 @@
 //! With P the covariance of (D, ω_N ψ_y(0)) by prior and channels, a position with weighted rows R
 //! leaves P' = P − P Rᵀ (I + R P Rᵀ)⁻¹ R P. Its gain is the information on the target U,
 //! ½ ln det(Uᵀ P U) − ½ ln det(Uᵀ P' U), which is maximised over all attitudes that the gimbals
-//! allow: a grid over (α, β, γ), then compass steps from its best points. For one combination
+//! allow: a grid over (α, β, γ), then a pattern search from its best points. For one combination
 //! that is the least variance; for several, unlike their mean variance, it does not stop caring
 //! once a combination is seen at all. The position found is judged by the full filter,
 //! [`Evaluator::evaluate`].
@@ -348,9 +348,11 @@ fn worst(covariance: &UnknownsMatrix, trace: &Unknowns) -> Unknowns {
 
 /// Distance of grid points, degrees.
 const GRID_DEG: f64 = 15.0;
-/// Grid points from which compass steps start.
+/// Grid points from which a pattern search starts.
 const REFINED: usize = 16;
-/// Smallest compass step, degrees; also what a free position is rounded to.
+/// Most explorations from one start: a ridge may be followed for long at little gain.
+const MOST_EXPLORATIONS: usize = 400;
+/// Smallest step, degrees; also what a free position is rounded to.
 const FINEST_DEG: f64 = 1e-3;
 
 /// One gimbal axis: where it may stand, in whole numbers of `unit_deg`.
@@ -437,9 +439,9 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
     grid.truncate(REFINED);
     let mut best: Option<(f64, [i64; 3])> = None;
     for (start, at) in grid {
-        let refined = compass(&axes, start, at, &mut value);
+        let refined = pattern_search(&axes, start, at, &mut value);
         // Later starts must be better by more than rounding, so that the answer is stable.
-        if best.is_none_or(|(most, _)| refined.0 > most * (1.0 + 1e-9)) {
+        if best.is_none_or(|(most, _)| gains(refined.0, most)) {
             best = Some(refined);
         }
     }
@@ -449,34 +451,67 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
     })
 }
 
-/// Steps along the axes for as long as they gain, in ever smaller steps.
-fn compass(
+/// Pattern search (Hooke & Jeeves, *"Direct search" solution of numerical and statistical
+/// problems*, J. ACM 8(2), 1961): steps along the axes and, after those that gain, further along
+/// the same way, which follows ridges; in ever smaller steps.
+fn pattern_search(
     axes: &[Axis; 3],
     start: f64,
     from: [i64; 3],
     value: &mut impl FnMut([i64; 3]) -> f64,
 ) -> (f64, [i64; 3]) {
-    let (mut most, mut at) = (start, from);
+    let mut best = (start, from);
     let mut step = (0.5 * GRID_DEG / axes[0].unit_deg).ceil() as i64;
+    let mut explorations = 0;
     loop {
-        let mut moved = false;
-        for i in 0..3 {
-            for by in [step, -step] {
-                let Some(to) = axes[i].moved(at[i], by) else {
-                    continue;
-                };
-                let mut trial = at;
-                trial[i] = to;
-                let gain = value(trial);
-                if gain > most + 1e-12 * most.abs() {
-                    (most, at, moved) = (gain, trial, true);
-                }
+        let before = best;
+        best = explore(axes, best, step, value);
+        explorations += 1;
+        if best.1 == before.1 || explorations > MOST_EXPLORATIONS {
+            if step == 1 || explorations > MOST_EXPLORATIONS {
+                return best;
+            }
+            step /= 2;
+            continue;
+        }
+        // Further along the same way, and around there.
+        let ahead: [Option<i64>; 3] =
+            std::array::from_fn(|i| axes[i].moved(best.1[i], best.1[i] - before.1[i]));
+        if let [Some(a), Some(b), Some(c)] = ahead {
+            let at = [a, b, c];
+            let further = explore(axes, (value(at), at), step, value);
+            if gains(further.0, best.0) {
+                best = further;
             }
         }
-        match (moved, step) {
-            (true, _) => {}
-            (false, 1) => return (most, at),
-            (false, _) => step /= 2,
+    }
+}
+
+/// The best of `from` and one step either way along each axis in turn.
+fn explore(
+    axes: &[Axis; 3],
+    from: (f64, [i64; 3]),
+    step: i64,
+    value: &mut impl FnMut([i64; 3]) -> f64,
+) -> (f64, [i64; 3]) {
+    let mut best = from;
+    for (i, axis) in axes.iter().enumerate() {
+        for by in [step, -step] {
+            let Some(to) = axis.moved(best.1[i], by) else {
+                continue;
+            };
+            let mut at = best.1;
+            at[i] = to;
+            let gain = value(at);
+            if gains(gain, best.0) {
+                best = (gain, at);
+            }
         }
     }
+    best
+}
+
+/// Whether `gain` is more than `best` by more than rounding.
+fn gains(gain: f64, best: f64) -> bool {
+    gain > best + 1e-10 * best.abs()
 }

@@ -107,6 +107,10 @@ impl Gains {
 
 /// A filter at work in one run.
 #[derive(Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one per run, on the stack of its thread; boxing would only add a hop per tick"
+)]
 pub(super) enum Filter<'a> {
     /// Kalman filter on (8), (9), gains from beforehand.
     Linear(LinearFilter<'a>),

@@ -54,8 +54,8 @@ impl SquareRoot {
         for k in 0..COEFFICIENTS {
             let row = &self.0[k];
             let mut psi = phi * Vector3::new(row[PSI], row[PSI + 1], row[PSI + 2]);
-            for j in k..COEFFICIENTS {
-                psi += b.column(j) * row[j];
+            for (j, value) in row.iter().enumerate().take(COEFFICIENTS).skip(k) {
+                psi += b.column(j) * *value;
             }
             self.0[k][PSI..].copy_from_slice(psi.as_slice());
         }
