@@ -15,7 +15,8 @@
 //! Over a schedule the z rows share the unknown ψ_y^n(0), and the change of ψ_y^n since then is
 //! taken from (25), which holds Z̈. We follow the paper, which in (26) nevertheless counts the z
 //! channel as of order 1. Counted strictly, only the x rows are of order 1 across dwells:
-//! [`Observability::strict_orders`]. The two differ for schedules of few positions only.
+//! [`Observability::strict_orders`]. The two agree for eleven or more generic positions; they
+//! differ for fewer, and where a gimbal is held still (icosahedron-12 at β = 0: 7 x rows count).
 //!
 //! **Separability** measures how far: of coefficient i, ‖(I − Π_{−i}) s_i‖ / ‖s_i‖ with s_i its
 //! column of the stacked rows, each weighted by 1/σ of its channel in its dwell, and Π_{−i} the

@@ -18,9 +18,9 @@
 //!   ψ^n = C_c^n ψ; the text reads C_n^c(0) there. The component form on the right of both is
 //!   correct, and is what is implemented.
 //! - (26) is **exact only to first order in t**. It takes ψ_y^n(t) − ψ_y^n(0) for ψ̇_y^n t, but
-//!   ψ̇_y^n = ω_N ψ_z^n + ε_y^n changes as ψ_z^n does. The error is ½ ω_N² ψ̇_z t² + …: with a
-//!   drift of 13 °/h about East it reaches 0.03 °/h after 1000 s, ten times the σ that the filter
-//!   reaches. [`Reconstruction::azimuth_drift_exact`] has ∫ψ_z dt in its place, which is known from
+//!   ψ̇_y^n = ω_N ψ_z^n + ε_y^n changes as ψ_z^n does. The error is ½ ω_N² ψ̇_z t² + …: with the
+//!   drifts of the paper's §3 it is 0.016 °/h after 1000 s, six times the σ that the filter
+//!   reaches there. [`Reconstruction::azimuth_drift_exact`] has ∫ψ_z dt in its place, which is known from
 //!   Z itself by (14), and holds at all times.
 
 use nalgebra::Vector3;
@@ -354,7 +354,7 @@ mod tests {
             );
         }
         assert!(error_deg_per_h(0.0, false).abs() < 1e-12);
-        // ½ ω_N² ψ̇_z t² with ψ̇_z ≈ 8 °/h: small at once, ten sigmas of the filter after 1000 s.
+        // ½ ω_N² ψ̇_z t² with ψ̇_z ≈ 8 °/h: small at once, six sigmas of the filter after 1000 s.
         let (at_100, at_1000) = (
             error_deg_per_h(100.0, false),
             error_deg_per_h(1000.0, false),
