@@ -427,3 +427,105 @@ fn the_papers_filter_does_not_survive_the_papers_drift_on_a_nonlinear_platform()
     let (error, sigma) = end_of(&run, DriftCoefficient::FY);
     assert!(error.abs() < 3.0 * sigma, "{error} {sigma}");
 }
+
+// -------------------------------------------------------------------------- command line
+
+#[cfg(feature = "cli")]
+mod command {
+    use std::path::Path;
+    use std::process::{Command, Output};
+
+    use serde_json::Value;
+
+    const SCHEDULE: &str = "alpha_deg,beta_deg,gamma_deg,dwell_s\n\
+                            10,20,30,1000\n50,-40,100,1500\n-120,30,0,1200\n\
+                            170,10,-80,900\n-60,-50,200,1100\n95,55,-145,1300\n";
+
+    fn simulate(directory: &Path, args: &[&str]) -> Output {
+        std::fs::write(directory.join("s.csv"), SCHEDULE).unwrap();
+        Command::new(assert_cmd::cargo::cargo_bin!("scheme-opt"))
+            .args(["simulate", "--schedule", "s.csv"])
+            .args(args)
+            .current_dir(directory)
+            .output()
+            .unwrap()
+    }
+
+    #[test]
+    fn simulate_tells_writes_and_draws() {
+        let desk = tempfile::tempdir().unwrap();
+        let run = simulate(desk.path(), &["--runs", "40", "-o", "out"]);
+        assert_eq!(run.status.code(), Some(0));
+        let text = String::from_utf8(run.stdout).unwrap();
+        for part in [
+            "The filter is ",
+            "NEES, all states",
+            "NIS",
+            "D_SZ",
+            "psi_ny",
+            "planned",
+        ] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+        assert!(
+            text.lines().all(|line| line.chars().count() <= 80),
+            "{text}"
+        );
+        let read =
+            |name: &str| std::fs::read_to_string(desk.path().join("out").join(name)).unwrap();
+        let csv = read("curves.csv");
+        let widths: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
+        assert!(widths.iter().all(|w| *w == 2 + 15 * 4 + 2));
+        assert_eq!(widths.len(), 701);
+        for name in ["curves.svg", "errors.svg"] {
+            let svg = read(name);
+            assert!(svg.starts_with("<svg") && !svg.contains("NaN"), "{name}");
+        }
+        let document: Value = serde_json::from_str(&read("simulation.json")).unwrap();
+        assert_eq!(document["schema"], "scheme-opt/simulation/1");
+    }
+
+    #[test]
+    fn simulate_gives_the_same_document_at_any_number_of_threads() {
+        let desk = tempfile::tempdir().unwrap();
+        let document = |threads: &str| -> Value {
+            let args = [
+                "--json",
+                "--runs",
+                "10",
+                "--seed",
+                "5",
+                "--threads",
+                threads,
+            ];
+            let run = simulate(desk.path(), &args);
+            assert_eq!(run.status.code(), Some(0));
+            assert!(run.stderr.is_empty());
+            let mut document: Value = serde_json::from_slice(&run.stdout).unwrap();
+            document["inputs"]["search"]["threads"] = Value::Null;
+            document
+        };
+        let one = document("1");
+        assert_eq!(one, document("3"));
+        assert_eq!(one["seed"], 5);
+        assert_eq!(one["coefficients"].as_array().unwrap().len(), 12);
+        assert!(one["tool_version"].is_string() && one["defaulted"].is_array());
+    }
+
+    #[test]
+    fn simulate_refuses_what_makes_no_sense() {
+        let desk = tempfile::tempdir().unwrap();
+        for (args, part) in [
+            (["--runs", "1"], "--runs"),
+            (["--told-noise-factor", "-1"], "--told-noise-factor"),
+            (["--filter", "magic"], "iterated"),
+            (["--truth", "magic"], "nonlinear"),
+        ] {
+            let run = simulate(desk.path(), &args);
+            assert_eq!(run.status.code(), Some(2), "{args:?}");
+            assert!(run.stdout.is_empty());
+            let text = String::from_utf8(run.stderr).unwrap();
+            assert!(text.contains(part), "{text}");
+        }
+    }
+}

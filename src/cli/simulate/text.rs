@@ -164,14 +164,23 @@ fn wander(document: &SimulationDocument) -> String {
     ))
 }
 
+/// A number that somebody chose: without trailing zeros.
+fn plain(value: f64) -> String {
+    let text = number(value);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
 fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
     if swept.is_empty() {
         return String::new();
     }
     let rows = document.sweep.iter().map(|s: &SweepRecord| {
         [
-            number(s.misalignment_deg),
-            number(s.drift_factor),
+            plain(s.misalignment_deg),
+            plain(s.drift_factor),
             s.nees.map_or_else(|| "-".to_owned(), |n| number(n.average)),
             number(s.rms_error_deg_per_h),
             number(s.rms_largest_misalignment_deg),
@@ -190,11 +199,11 @@ fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
     let (first, second) = swept.split_at(by_drift.unwrap_or(swept.len()));
     let misalignment = largest_without_optimism(first).map_or_else(
         || "no misalignment listed, with this drift".to_owned(),
-        |p| format!("a misalignment of {} deg", number(p.size.misalignment_deg)),
+        |p| format!("a misalignment of {} deg", plain(p.size.misalignment_deg)),
     );
     let drift = largest_without_optimism(second).map_or_else(
         || "no drift listed".to_owned(),
-        |p| format!("{} times the drift", number(p.size.drift_factor)),
+        |p| format!("{} times the drift", plain(p.size.drift_factor)),
     );
     text.push_str(&wrap(&format!(
         "The filter's linearisation bears {misalignment}; and {drift}, with the platform's own \
