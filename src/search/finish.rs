@@ -1,7 +1,7 @@
 //! Working a start out to the end: allocate, drop, refine, round.
 
 use super::allocate::allocate;
-use super::pipeline::{Candidate, Context, rate as rated};
+use super::pipeline::{Candidate, Context, rate};
 use super::refine::{Refined, refine, refine_angles};
 use super::table::{Table, finish_on_table};
 use super::variables::{Plan, tidy_angle};
@@ -35,7 +35,7 @@ fn finish_free(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let smoothing = context.first_smoothing();
     // A plan without spare time has no variables to refine.
     let mut current = refine(context, plan, smoothing, FULL_ITERATIONS)
-        .or_else(|| rated(context, plan, smoothing))?;
+        .or_else(|| rate(context, plan, smoothing))?;
     if !context.must_stop() {
         current = settle_allocation(context, smoothing, current);
         current = drop_idle(context, smoothing, current);
@@ -115,18 +115,18 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
             plan = round_angles(platform, &refined.plan);
         }
     }
-    rate(context, plan)
+    final_figures(context, plan)
 }
 
 /// Rounds the dwells of a plan whose angles are final.
 pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let platform = context.evaluator.platform();
     let plan = with_whole_periods(platform, plan, context.problem.total_time_s)?;
-    rate(context, plan)
+    final_figures(context, plan)
 }
 
 /// The final figures of a plan.
-fn rate(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     context.work.count_evaluations(1);
     let timeline = plan.timeline(evaluator.platform());

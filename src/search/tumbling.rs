@@ -12,7 +12,7 @@
 use super::finish::{round_angle_deg, whole_periods};
 use super::pipeline::Context;
 use super::refine::{Coordinates, minimise};
-use super::variables::{AngleMap, Plan};
+use super::variables::{AngleMap, Plan, add_move_times, shares};
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::covariance::gradient::LegGradient;
@@ -135,7 +135,7 @@ impl TurningVariables<'_> {
         };
         let spare = self.spare(&plan)?;
         let shortest_s = self.platform.shortest_dwell_s();
-        for (duration, share) in plan.duration_s.iter_mut().zip(shares(x)) {
+        for (duration, share) in plan.duration_s.iter_mut().zip(shares(x, PER_SEGMENT)) {
             *duration = shortest_s + spare * share;
         }
         plan.is_slow_enough(self.platform).then_some(plan)
@@ -151,41 +151,20 @@ impl TurningVariables<'_> {
     }
 }
 
-/// softmax of the last variable of each segment.
-fn shares(x: &[f64]) -> impl Iterator<Item = f64> + '_ {
-    let z = |c: &[f64]| c[PER_SEGMENT - 1];
-    let top = x.chunks_exact(PER_SEGMENT).map(z).fold(f64::MIN, f64::max);
-    let sum: f64 = x
-        .chunks_exact(PER_SEGMENT)
-        .map(|c| (z(c) - top).exp())
-        .sum();
-    x.chunks_exact(PER_SEGMENT)
-        .map(move |c| (z(c) - top).exp() / sum)
-}
-
 impl Coordinates for TurningVariables<'_> {
     fn timeline(&self, x: &[f64]) -> Option<Timeline> {
         Some(self.decode(x)?.timeline(self.platform))
     }
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
-        let shares: Vec<f64> = shares(x).collect();
+        let shares: Vec<f64> = shares(x, PER_SEGMENT).collect();
         // The duration of a segment is the move to its second entry.
         let turned = legs.chunks_exact(2).map(|pair| pair[1].move_s);
         let mean: f64 = shares.iter().zip(turned).map(|(s, g)| s * g).sum();
         let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
-        if let Some(rate) = self.platform.motion().slew_rate_rad_per_s {
-            // Jumps take their time from the segments.
-            for (k, leg) in timeline.legs().iter().enumerate().step_by(2) {
-                let Some(m) = leg.arrival.filter(|m| m.duration_s > 0.0) else {
-                    continue;
-                };
-                let (axis, _) = m.slowest_axis();
-                let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean);
-                angles[k][axis] += slope;
-                angles[k - 1][axis] -= slope;
-            }
-        }
+        // Jumps take their time from the segments.
+        let jumps = (2..timeline.legs().len()).step_by(2);
+        add_move_times(self.platform, timeline, legs, jumps, mean, &mut angles);
         let shortest_s = self.platform.shortest_dwell_s();
         let durations = timeline
             .legs()

@@ -201,33 +201,10 @@ impl<'a> Variables<'a> {
         if spare.is_nan() || spare <= 0.0 {
             return None;
         }
-        for (dwell, share) in plan.dwell_s.iter_mut().zip(shares(x)) {
+        for (dwell, share) in plan.dwell_s.iter_mut().zip(shares(x, PER_POSITION)) {
             *dwell = min_dwell_s + spare * share;
         }
         Some(plan)
-    }
-
-    /// A move's duration follows from the axis that turns most, and takes its time from the
-    /// dwells.
-    fn add_move_times(
-        &self,
-        timeline: &Timeline,
-        legs: &[LegGradient],
-        mean_dwell: f64,
-        angles: &mut [[f64; 3]],
-    ) {
-        let Some(rate) = self.platform.motion().slew_rate_rad_per_s else {
-            return;
-        };
-        for (k, leg) in timeline.legs().iter().enumerate() {
-            let Some(m) = leg.arrival.filter(|m| m.duration_s > 0.0) else {
-                continue;
-            };
-            let (axis, _) = m.slowest_axis();
-            let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean_dwell);
-            angles[k][axis] += slope;
-            angles[k - 1][axis] -= slope;
-        }
     }
 }
 
@@ -239,13 +216,21 @@ impl Coordinates for Variables<'_> {
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
         let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
         let vary_dwells = self.fixed_dwell_s.is_none();
-        let shares: Vec<f64> = shares(x).collect();
+        let shares: Vec<f64> = shares(x, PER_POSITION).collect();
         // What one more second for all dwells together is worth.
         let mean_dwell: f64 = match vary_dwells {
             true => shares.iter().zip(legs).map(|(s, l)| s * l.dwell_s).sum(),
             false => 0.0,
         };
-        self.add_move_times(timeline, legs, mean_dwell, &mut angles);
+        let moves = 1..timeline.legs().len();
+        add_move_times(
+            self.platform,
+            timeline,
+            legs,
+            moves,
+            mean_dwell,
+            &mut angles,
+        );
         let spare: f64 = match vary_dwells {
             true => {
                 let min_dwell_s = self.platform.shortest_dwell_s();
@@ -268,16 +253,38 @@ impl Coordinates for Variables<'_> {
     }
 }
 
-/// softmax(z) of the fourth variable of each position.
-fn shares(x: &[f64]) -> impl Iterator<Item = f64> + '_ {
-    let z = |c: &[f64]| c[PER_POSITION - 1];
-    let top = x.chunks_exact(PER_POSITION).map(z).fold(f64::MIN, f64::max);
-    let sum: f64 = x
-        .chunks_exact(PER_POSITION)
-        .map(|c| (z(c) - top).exp())
-        .sum();
-    x.chunks_exact(PER_POSITION)
-        .map(move |c| (z(c) - top).exp() / sum)
+/// Adds what the `moves` to those legs are worth through their durations: each follows from the
+/// axis that turns most, and takes its time from the dwells, where a second is worth
+/// `mean_dwell`.
+pub(super) fn add_move_times(
+    platform: &Platform,
+    timeline: &Timeline,
+    legs: &[LegGradient],
+    moves: impl Iterator<Item = usize>,
+    mean_dwell: f64,
+    angles: &mut [[f64; 3]],
+) {
+    let Some(rate) = platform.motion().slew_rate_rad_per_s else {
+        return;
+    };
+    for k in moves {
+        let arrival = timeline.legs()[k].arrival;
+        let Some(m) = arrival.filter(|m| m.duration_s > 0.0) else {
+            continue;
+        };
+        let (axis, _) = m.slowest_axis();
+        let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean_dwell);
+        angles[k][axis] += slope;
+        angles[k - 1][axis] -= slope;
+    }
+}
+
+/// softmax(z), z the last of every `width` variables.
+pub(super) fn shares(x: &[f64], width: usize) -> impl Iterator<Item = f64> + '_ {
+    let z = move |c: &[f64]| c[width - 1];
+    let top = x.chunks_exact(width).map(z).fold(f64::MIN, f64::max);
+    let sum: f64 = x.chunks_exact(width).map(|c| (z(c) - top).exp()).sum();
+    x.chunks_exact(width).map(move |c| (z(c) - top).exp() / sum)
 }
 
 /// An angle as a person would give it: unlimited axes in (−180°, 180°].
