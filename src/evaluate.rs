@@ -200,7 +200,7 @@ impl Evaluator {
         let timeline = Timeline::new(&self.platform, schedule)?;
         let end = self.model.end_covariance(&timeline, TickRule::Filter)?;
         let total_time_s = timeline.total_time_s();
-        let mut recorder = HistoryRecorder::new(total_time_s, self.objective.spec_deg_per_h);
+        let mut recorder = HistoryRecorder::new(&timeline, self.objective.spec_deg_per_h);
         let checked = step_by_step(&self.platform, &timeline, &mut |m| recorder.observe(m))?;
         let agreement = compare(&end, &checked)?;
         let observability = Observability::analyze(&self.model, &timeline)?;

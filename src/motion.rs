@@ -8,15 +8,19 @@
 //!
 //! In `frame-hold` repositioning a move takes no time and ψ^n ← C_{k+1} C_kᵀ ψ^n.
 //!
-//! Nothing precedes the first position of a schedule.
+//! Nothing precedes the first position of a schedule, unless the platform has a start attitude
+//! (`motion.start_deg`): then the move from there, and its settle, belong to the test. With
+//! `motion.return_to_start` the test ends with the unmeasured move back. A timeline holds start
+//! and return as legs of their own, which are held for no time.
 
 pub(crate) mod integral;
+
+use std::ops::Range;
 
 use crate::attitude::{Attitude, Position, wrap_half_turn};
 use crate::error::{Error, Result};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
-use crate::units::Angle;
 
 /// A change of position: angles linear in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,6 +93,8 @@ impl Leg {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     legs: Vec<Leg>,
+    /// Which of the legs are positions of the schedule: the rest is start and return.
+    positions: Range<usize>,
 }
 
 /// Most filter periods a timeline may have: the step-by-step filter visits each of them.
@@ -103,15 +109,13 @@ impl Timeline {
     /// a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
     /// test is longer than the filter can be stepped through ([`MAX_FILTER_PERIODS`]).
     pub fn new(platform: &Platform, schedule: &Schedule) -> Result<Self> {
-        let mut legs: Vec<Leg> = Vec::with_capacity(schedule.positions().len());
         for (index, p) in schedule.positions().iter().enumerate() {
             check_reachable(platform, index, p.position)?;
-            let from = legs.last().map(|leg| leg.position);
-            let leg = Self::leg(platform, from, p);
-            check_move(platform, index, p, &leg)?;
-            legs.push(leg);
         }
-        let timeline = Self { legs };
+        let timeline = Self::unchecked(platform, schedule.positions().iter().copied());
+        for (index, p) in schedule.positions().iter().enumerate() {
+            check_move(platform, index, p, &timeline.position_legs()[index])?;
+        }
         let periods = timeline.total_time_s() / platform.period_s;
         if periods > MAX_FILTER_PERIODS {
             return Err(Error::input("the test has too many filter periods")
@@ -124,8 +128,40 @@ impl Timeline {
         Ok(timeline)
     }
 
-    /// One leg, unchecked: for searches, which only propose what is reachable.
-    pub(crate) fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
+    /// Start, positions and return, unchecked: for searches, which only propose what is
+    /// reachable.
+    pub(crate) fn unchecked(
+        platform: &Platform,
+        positions: impl ExactSizeIterator<Item = ScheduledPosition>,
+    ) -> Self {
+        let motion = &platform.motion;
+        let mut legs: Vec<Leg> = Vec::with_capacity(positions.len() + 2);
+        if let Some(start) = motion.start {
+            let held = ScheduledPosition::new(start, 0.0);
+            legs.push(Self::leg(platform, None, &held));
+        }
+        let first = legs.len();
+        for p in positions {
+            let from = legs.last().map(|leg| leg.position);
+            legs.push(Self::leg(platform, from, &p));
+        }
+        let positions = first..legs.len();
+        if let (true, Some(first), Some(last)) = (motion.return_to_start, legs.first(), legs.last())
+        {
+            let back = ScheduledPosition {
+                move_measured: Some(false),
+                ..ScheduledPosition::new(first.position, 0.0)
+            };
+            let mut back = Self::leg(platform, Some(last.position), &back);
+            // Nothing is measured any more.
+            back.settle_s = 0.0;
+            legs.push(back);
+        }
+        Self { legs, positions }
+    }
+
+    /// One leg, unchecked.
+    fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
         let motion = &platform.motion;
         let arrival = from.map(|from| {
             let change = gimbal_change(platform, from, p.position);
@@ -155,14 +191,19 @@ impl Timeline {
         }
     }
 
-    /// From legs that a search made itself.
-    pub(crate) fn from_legs(legs: Vec<Leg>) -> Self {
-        Self { legs }
-    }
-
-    /// The legs in order.
+    /// The legs in order, start and return included.
     pub fn legs(&self) -> &[Leg] {
         &self.legs
+    }
+
+    /// Which of the legs are positions of the schedule.
+    pub fn positions(&self) -> Range<usize> {
+        self.positions.clone()
+    }
+
+    /// The legs of the schedule's positions, in its order.
+    pub fn position_legs(&self) -> &[Leg] {
+        &self.legs[self.positions()]
     }
 
     /// Duration of the whole test, moves and settles included, s.
@@ -176,37 +217,14 @@ impl Timeline {
     }
 }
 
-/// Slack on ranges and index steps, rad: 1e-9° plus rounding.
-const ANGLE_SLACK_RAD: f64 = 1e-10;
-
 /// Checks a position against the ranges and the index table.
 fn check_reachable(platform: &Platform, index: usize, position: Position) -> Result<()> {
     const AXES: [&str; 3] = ["alpha_deg", "beta_deg", "gamma_deg"];
     let deg = position.to_deg();
-    for (i, angle) in position.to_array().into_iter().enumerate() {
-        let key = format!("positions[{index}].{}", AXES[i]);
-        if let Some(range) = platform.gimbals.ranges[i]
-            && !(range.low_rad - ANGLE_SLACK_RAD..=range.high_rad + ANGLE_SLACK_RAD)
-                .contains(&angle)
-        {
-            let [low, high] = [range.low_rad, range.high_rad]
-                .map(|v| crate::units::round_deg(Angle::from_rad(v).deg()));
-            return Err(Error::out_of_range(
-                &key,
-                deg[i],
-                &format!("the gimbal's range {low} to {high}"),
-            ));
-        }
-        if let Some(step) = platform.gimbals.step_rad {
-            let off = angle - step * (angle / step).round();
-            if off.abs() > 1e-8 {
-                let step_deg = crate::units::round_deg(Angle::from_rad(step).deg());
-                return Err(Error::out_of_range(
-                    &key,
-                    deg[i],
-                    &format!("multiples of gimbals.step_deg = {step_deg}"),
-                ));
-            }
+    for (axis, angle) in position.to_array().into_iter().enumerate() {
+        if let Some(allowed) = platform.gimbals.refusal(axis, angle) {
+            let key = format!("positions[{index}].{}", AXES[axis]);
+            return Err(Error::out_of_range(&key, deg[axis], &allowed));
         }
     }
     Ok(())
@@ -244,6 +262,7 @@ fn check_move(platform: &Platform, index: usize, p: &ScheduledPosition, leg: &Le
 mod tests {
     use super::*;
     use crate::platform::PlatformConfig;
+    use crate::units::Angle;
 
     fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
         let mut config = PlatformConfig::default();
@@ -298,6 +317,32 @@ mod tests {
         });
         let t = Timeline::new(&measured, &s).unwrap();
         assert!((t.total_time_s() - (300.0 + 120.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn start_and_return_are_moves_of_the_test() {
+        let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
+        let total = |start_deg: Option<[f64; 3]>, return_to_start: bool| {
+            let p = platform(|c| {
+                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.settle_s = 30.0;
+                c.motion.start_deg = start_deg;
+                c.motion.return_to_start = return_to_start;
+            });
+            let t = Timeline::new(&p, &s).unwrap();
+            assert_eq!(t.position_legs().len(), 2);
+            assert_eq!(t.position_legs()[1].position, s.positions()[1].position);
+            t.total_time_s()
+        };
+        // Two dwells, 60° at 0.5 °/s and a settle.
+        let plain = 200.0 + 120.0 + 30.0;
+        assert!((total(None, false) - plain).abs() < 1e-9);
+        // Back to the first position: 60° again; nothing settles after the last measurement.
+        assert!((total(None, true) - (plain + 120.0)).abs() < 1e-9);
+        // From [0, 0, 0]: 30° and a settle before; 80° after.
+        let start = Some([0.0; 3]);
+        assert!((total(start, false) - (plain + 60.0 + 30.0)).abs() < 1e-9);
+        assert!((total(start, true) - (plain + 60.0 + 30.0 + 160.0)).abs() < 1e-9);
     }
 
     #[test]

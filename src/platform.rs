@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::earth_rate_n;
+use crate::attitude::{Position, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::units::{Angle, AngularRate};
@@ -109,6 +109,13 @@ pub struct MotionConfig {
     pub measure_moves: bool,
     /// Shortest dwell that a search proposes, s.
     pub min_dwell_s: f64,
+    /// Where the platform stands before the test, (α, β, γ), degrees: the move to the first
+    /// position is then part of the test. None: the test starts at the first position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_deg: Option<[f64; 3]>,
+    /// Whether the test ends with the move back to the start, or without one to the first
+    /// position.
+    pub return_to_start: bool,
 }
 
 /// A platform as a person describes it; the `[site]` … `[motion]` tables of a platform file.
@@ -169,6 +176,8 @@ impl Default for MotionConfig {
             settle_s: 0.0,
             measure_moves: false,
             min_dwell_s: 60.0,
+            start_deg: None,
+            return_to_start: false,
         }
     }
 }
@@ -191,6 +200,26 @@ pub struct Gimbals {
     pub step_rad: Option<f64>,
 }
 
+/// Slack on ranges and index steps, rad: 1e-9° plus rounding.
+const ANGLE_SLACK_RAD: f64 = 1e-10;
+
+impl Gimbals {
+    /// What is allowed on `axis`, in words, if the angle (rad) is not.
+    pub(crate) fn refusal(&self, axis: usize, angle_rad: f64) -> Option<String> {
+        let in_deg = |rad| crate::units::round_deg(Angle::from_rad(rad).deg());
+        if let Some(range) = self.ranges[axis]
+            && !(range.low_rad - ANGLE_SLACK_RAD..=range.high_rad + ANGLE_SLACK_RAD)
+                .contains(&angle_rad)
+        {
+            let [low, high] = [range.low_rad, range.high_rad].map(in_deg);
+            return Some(format!("the gimbal's range {low} to {high}"));
+        }
+        let step = self.step_rad?;
+        let off = angle_rad - step * (angle_rad / step).round();
+        (off.abs() > 1e-8).then(|| format!("multiples of gimbals.step_deg = {}", in_deg(step)))
+    }
+}
+
 /// The motion between positions, checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
@@ -204,6 +233,10 @@ pub struct Motion {
     pub measure_moves: bool,
     /// Shortest dwell that a search proposes, s.
     pub min_dwell_s: f64,
+    /// Where the platform stands before the test.
+    pub start: Option<Position>,
+    /// Whether the test ends with the move back to the start.
+    pub return_to_start: bool,
 }
 
 /// A platform with every value checked, in SI. Made by [`PlatformConfig::check`].
@@ -290,6 +323,7 @@ impl PlatformConfig {
             1e5,
             "0.001 to 100000",
         )?;
+        let gimbals = self.gimbals.check()?;
         Ok(Platform {
             earth_rate_n: earth_rate_n(Angle::from_deg(latitude_deg).rad()),
             noise_g: in_range(
@@ -303,8 +337,8 @@ impl PlatformConfig {
             period_s,
             prior_misalignment_rad: self.prior.misalignment_rad()?,
             prior_drift_rad_per_s: self.prior.drift_rad_per_s()?,
-            gimbals: self.gimbals.check()?,
-            motion: self.motion.check()?,
+            motion: self.motion.check(&gimbals)?,
+            gimbals,
         })
     }
 }
@@ -408,7 +442,7 @@ impl GimbalsConfig {
 }
 
 impl MotionConfig {
-    fn check(&self) -> Result<Motion> {
+    fn check(&self, gimbals: &Gimbals) -> Result<Motion> {
         let slew_rate_rad_per_s = self
             .slew_rate_deg_per_s
             .map(|rate| {
@@ -428,8 +462,25 @@ impl MotionConfig {
             settle_s: in_range("motion.settle_s", self.settle_s, 0.0, 1e6, "0 to 1e6")?,
             measure_moves: self.measure_moves,
             min_dwell_s: in_range("motion.min_dwell_s", self.min_dwell_s, 0.0, 1e6, "0 to 1e6")?,
+            start: self.start_deg.map(|deg| start(deg, gimbals)).transpose()?,
+            return_to_start: self.return_to_start,
         })
     }
+}
+
+/// The position before the test.
+fn start(deg: [f64; 3], gimbals: &Gimbals) -> Result<Position> {
+    const KEY: &str = "motion.start_deg";
+    for v in deg {
+        in_range(KEY, v, -36_000.0, 36_000.0, "angles from -36000 to 36000")?;
+    }
+    let position = Position::from_deg(deg[0], deg[1], deg[2]);
+    for (axis, angle) in position.to_array().into_iter().enumerate() {
+        if let Some(allowed) = gimbals.refusal(axis, angle) {
+            return Err(Error::out_of_range(KEY, deg[axis], &allowed));
+        }
+    }
+    Ok(position)
 }
 
 #[cfg(test)]
@@ -444,6 +495,28 @@ mod tests {
         let q_arcsec = p.drift_psd_rad2_per_s() * crate::units::ARCSEC_PER_RAD.powi(2);
         assert!((q_arcsec - 1e-3).abs() < 1e-15);
         assert!((Angle::from_rad(p.prior_misalignment_rad().x).arcsec() - 360.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_start_out_of_reach_is_refused() {
+        let mut config = PlatformConfig::default();
+        config.motion.start_deg = Some([0.0, 61.0, 0.0]);
+        assert!(config.check().is_ok());
+        config.gimbals.beta_deg = Some([-60.0, 60.0]);
+        let error = config.check().unwrap_err();
+        assert_eq!(error.key(), Some("motion.start_deg"));
+        config.motion.start_deg = Some([0.0, 50.0, f64::NAN]);
+        assert_eq!(config.check().unwrap_err().key(), Some("motion.start_deg"));
+        config.motion.start_deg = Some([0.0, 50.0, 15.0]);
+        assert!(config.check().is_ok());
+        config.gimbals.step_deg = Some(10.0);
+        let error = config.check().unwrap_err();
+        assert!(
+            error
+                .allowed()
+                .unwrap_or_default()
+                .contains("step_deg = 10")
+        );
     }
 
     #[test]

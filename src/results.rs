@@ -189,6 +189,8 @@ pub struct ConvergenceRecord {
 /// What one position, its move and settle included, did for the accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PositionConvergenceRecord {
+    /// Number of the position in the schedule, from 1; positions that take no time are left out.
+    pub position: usize,
     /// When the move to it started, s.
     pub start_s: f64,
     /// When it was left, s.
@@ -444,6 +446,7 @@ impl From<&ConvergenceHistory> for ConvergenceRecord {
 impl From<&PositionConvergence> for PositionConvergenceRecord {
     fn from(p: &PositionConvergence) -> Self {
         Self {
+            position: p.position + 1,
             start_s: p.start_s,
             end_s: p.end_s,
             rms_sigma_deg_per_h: p.rms_sigma_deg_per_h,

@@ -19,10 +19,12 @@
 
 mod config;
 mod keys;
+mod per_coefficient;
 mod source;
 mod task;
 
-pub use config::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig, SpecConfig};
+pub use config::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};
+pub use per_coefficient::PerCoefficient;
 pub use source::{DEFAULT_TOML, StudySource};
 
 use serde::{Deserialize, Serialize};
@@ -86,16 +88,18 @@ impl StudyConfig {
         let platform = self.platform.check()?;
         self.check_total_time(&platform)?;
         self.objective.score.check()?;
-        let spec_deg_per_h = self.objective.spec_deg_per_h.check()?;
+        let spec_deg_per_h = self.objective.spec_deg_per_h.check_spec()?;
         if spec_deg_per_h.is_none() {
             self.check_works_without_spec()?;
         }
+        let weights = self.objective.weights.check_weights()?;
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
         Ok(Study {
             config,
             platform,
+            weights,
             spec_deg_per_h,
         })
     }
@@ -149,6 +153,7 @@ impl StudyConfig {
 pub struct Study {
     config: StudyConfig,
     platform: Platform,
+    weights: CoefficientVector,
     spec_deg_per_h: Option<CoefficientVector>,
 }
 
@@ -168,6 +173,10 @@ impl Study {
     /// How to search.
     pub fn search(&self) -> &SearchConfig {
         &self.config.search
+    }
+    /// The weight of each coefficient's variance in criterion `a`.
+    pub fn weights(&self) -> &CoefficientVector {
+        &self.weights
     }
     /// The 1σ specification of each coefficient, °/h (per g), infinite for those without one;
     /// `None` when nothing is specified.
@@ -236,7 +245,7 @@ mod tests {
                 c.objective.score.minimum_separability = 1.5;
             }),
             ("objective.spec_deg_per_h.default", |c| {
-                c.objective.spec_deg_per_h = SpecConfig::all(0.0);
+                c.objective.spec_deg_per_h = PerCoefficient::all(0.0);
             }),
             ("objective.spec_deg_per_h.D_OY", |c| {
                 let spec = &mut c.objective.spec_deg_per_h;
@@ -276,7 +285,7 @@ mod tests {
         let mut config = StudyConfig::default();
         config.objective.mode = Mode::Time;
         config.objective.criterion = CriterionKind::MaxRatio;
-        config.objective.spec_deg_per_h = SpecConfig::all(0.005);
+        config.objective.spec_deg_per_h = PerCoefficient::all(0.005);
         let study = config.check().unwrap();
         assert_eq!(study.spec_deg_per_h().unwrap()[11], 0.005);
     }
@@ -297,7 +306,7 @@ mod tests {
         gimbals.gamma_deg = Some([0.0, 1.0]);
         gimbals.step_deg = Some(1.0);
         c.platform.motion.slew_rate_deg_per_s = Some(1.0);
-        c.objective.spec_deg_per_h = SpecConfig {
+        c.objective.spec_deg_per_h = PerCoefficient {
             default: Some(1.0),
             coefficients: DriftCoefficient::ALL.map(|c| (c, 1.0)).into(),
         };

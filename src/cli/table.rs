@@ -82,16 +82,15 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
         .iter()
         .enumerate()
         .map(|(i, leg)| {
+            let held = timeline.positions();
+            let number = match i {
+                _ if held.contains(&i) => (i - held.start + 1).to_string(),
+                0 => "start".to_owned(),
+                _ => "return".to_owned(),
+            };
             let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
             let dwell = seconds(leg.dwell_s);
-            [
-                (i + 1).to_string(),
-                alpha,
-                beta,
-                gamma,
-                dwell,
-                reached_by(platform, leg),
-            ]
+            [number, alpha, beta, gamma, dwell, reached_by(platform, leg)]
         })
         .collect();
     let columns = [

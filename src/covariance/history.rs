@@ -1,7 +1,10 @@
 //! Convergence of the coefficients through a test, from the step-by-step filter.
 
+use std::ops::Range;
+
 use super::reference::Moment;
 use crate::drift::{COEFFICIENTS, CoefficientVector};
+use crate::motion::Timeline;
 
 /// About how many moments a history keeps.
 const SAMPLES: f64 = 240.0;
@@ -23,6 +26,8 @@ pub struct ConvergenceHistory {
 /// What one position, its move and settle included, did for the accuracy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionConvergence {
+    /// Index of the position in the schedule. Positions that take no time are left out.
+    pub position: usize,
     /// When the move to it started, s.
     pub start_s: f64,
     /// When it was left, s.
@@ -38,6 +43,8 @@ pub struct PositionConvergence {
 /// Collects a [`ConvergenceHistory`] moment by moment.
 pub struct HistoryRecorder {
     spec: Option<CoefficientVector>,
+    /// Which legs are positions of the schedule.
+    held: Range<usize>,
     spacing_s: f64,
     history: ConvergenceHistory,
     last: Option<Moment>,
@@ -46,11 +53,12 @@ pub struct HistoryRecorder {
 }
 
 impl HistoryRecorder {
-    /// For a test of `total_time_s` and a specification (1σ, °/h; infinite: none).
-    pub fn new(total_time_s: f64, spec_deg_per_h: Option<CoefficientVector>) -> Self {
+    /// For a test by `timeline` and a specification (1σ, °/h; infinite: none).
+    pub fn new(timeline: &Timeline, spec_deg_per_h: Option<CoefficientVector>) -> Self {
         Self {
             spec: spec_deg_per_h,
-            spacing_s: total_time_s / SAMPLES,
+            held: timeline.positions(),
+            spacing_s: timeline.total_time_s() / SAMPLES,
             history: ConvergenceHistory {
                 times_s: Vec::new(),
                 sigma_deg_per_h: Vec::new(),
@@ -117,6 +125,9 @@ impl HistoryRecorder {
         let Some(start) = self.leg_start.replace(*end) else {
             return;
         };
+        if !self.held.contains(&end.leg) {
+            return;
+        }
         let rms = |m: &Moment| (m.sigma_deg_per_h.norm_squared() / COEFFICIENTS as f64).sqrt();
         let hours = (end.time_s - start.time_s) / 3600.0;
         let mut most_improved = 0;
@@ -128,6 +139,7 @@ impl HistoryRecorder {
             }
         }
         self.history.positions.push(PositionConvergence {
+            position: end.leg - self.held.start,
             start_s: start.time_s,
             end_s: end.time_s,
             rms_sigma_deg_per_h: rms(end),

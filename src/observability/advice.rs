@@ -63,7 +63,7 @@ impl Advice {
         let mut advice = Vec::new();
         let brief = |dwell_s: f64| split_periods(dwell_s, model.period_s).0 < PERIODS;
         let positions: Vec<usize> = timeline
-            .legs()
+            .position_legs()
             .iter()
             .enumerate()
             .filter(|(_, leg)| leg.dwell_s > 0.0 && brief(leg.dwell_s))

@@ -377,7 +377,8 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Result<Vec<Positio
             excited: DriftCoefficient::ALL.map(excited),
         });
     }
-    Ok(all)
+    // Start and return are no positions of the schedule.
+    Ok(all.drain(timeline.positions()).collect())
 }
 
 /// Gram matrix of the weighted regressor's columns.

@@ -187,7 +187,7 @@ impl Prospect {
             vec![Combination::from_array(target[0].into()).rounded(super::weak::NAMED)]
         };
         let held = model.frame_hold.then(|| {
-            let legs = timeline.legs();
+            let legs = timeline.position_legs();
             let last = &legs[legs.len() - 1];
             let share = regressor.changes.last().map_or(1.0, |c| c.share * c.cosine);
             let weight = (model.omega_north() * (2.0 * model.noise_variance).sqrt()).recip();

@@ -173,7 +173,7 @@ impl SimulationDocument {
         Self {
             schema: SIMULATION_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
-            total_time_s: found.positions.last().map_or(0.0, |p| p.end_s),
+            total_time_s: found.total_time_s,
             runs: found.runs,
             seed: found.seed,
             truth: options.truth.name().to_owned(),

@@ -12,12 +12,12 @@
 use super::finish::{round_angle_deg, whole_periods};
 use super::pipeline::Context;
 use super::refine::{Coordinates, minimise};
-use super::variables::{AngleMap, Plan, add_move_times, shares};
+use super::variables::{AngleMap, Plan, add_move_times, add_return, shares};
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::covariance::gradient::LegGradient;
 use crate::criterion::Smoothing;
-use crate::motion::{Leg, Timeline, gimbal_change};
+use crate::motion::{Timeline, gimbal_change};
 use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -40,12 +40,8 @@ struct TurningPlan {
 
 impl TurningPlan {
     fn timeline(&self, platform: &Platform) -> Timeline {
-        let mut legs: Vec<Leg> = Vec::with_capacity(2 * self.ends.len());
-        for entry in self.entries() {
-            let from = legs.last().map(|leg| leg.position);
-            legs.push(Timeline::leg(platform, from, &entry));
-        }
-        Timeline::from_legs(legs)
+        let entries: Vec<ScheduledPosition> = self.entries().collect();
+        Timeline::unchecked(platform, entries.into_iter())
     }
 
     /// Two entries per segment, turning or not.
@@ -143,8 +139,8 @@ impl TurningVariables<'_> {
 
     /// What jumps, settles and shortest segments leave of the total time.
     fn spare(&self, plan: &TurningPlan) -> Option<f64> {
-        let legs = plan.timeline(self.platform);
-        let jumps: f64 = legs.legs().iter().step_by(2).map(Leg::duration_s).sum();
+        let turning: f64 = plan.duration_s.iter().sum();
+        let jumps = plan.timeline(self.platform).total_time_s() - turning;
         let shortest = plan.ends.len() as f64 * self.platform.shortest_dwell_s();
         let spare = self.total_time_s - jumps - shortest;
         (spare > 0.0).then_some(spare)
@@ -158,30 +154,33 @@ impl Coordinates for TurningVariables<'_> {
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
         let shares: Vec<f64> = shares(x, PER_SEGMENT).collect();
+        let held = timeline.positions();
         // The duration of a segment is the move to its second entry.
-        let turned = legs.chunks_exact(2).map(|pair| pair[1].move_s);
-        let mean: f64 = shares.iter().zip(turned).map(|(s, g)| s * g).sum();
+        let segments = || {
+            legs[held.clone()]
+                .chunks_exact(2)
+                .map(|pair| pair[1].move_s)
+        };
+        let mean: f64 = shares.iter().zip(segments()).map(|(s, g)| s * g).sum();
         let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
-        // Jumps take their time from the segments.
-        let jumps = (2..timeline.legs().len()).step_by(2);
+        // Jumps, start and return take their time from the segments.
+        let is_segment = |k: &usize| held.contains(k) && (k - held.start) % 2 == 1;
+        let jumps = (1..timeline.legs().len()).filter(|k| !is_segment(k));
         add_move_times(self.platform, timeline, legs, jumps, mean, &mut angles);
+        add_return(timeline, &mut angles);
         let shortest_s = self.platform.shortest_dwell_s();
-        let durations = timeline
-            .legs()
-            .iter()
-            .skip(1)
-            .step_by(2)
-            .map(Leg::duration_s);
-        let spare: f64 = durations.map(|d| d - shortest_s).sum();
+        let ends = timeline.position_legs().iter().skip(1).step_by(2);
+        let spare: f64 = ends.map(|leg| leg.duration_s() - shortest_s).sum();
         let mut gradient = Vec::with_capacity(x.len());
         for (k, c) in x.chunks_exact(PER_SEGMENT).enumerate() {
             for end in 0..2 {
                 for axis in 0..3 {
                     let slope = self.maps[axis].slope(c[3 * end + axis]);
-                    gradient.push(angles[2 * k + end][axis] * slope);
+                    gradient.push(angles[held.start + 2 * k + end][axis] * slope);
                 }
             }
-            gradient.push(spare * shares[k] * (legs[2 * k + 1].move_s - mean));
+            let turned = legs[held.start + 2 * k + 1].move_s;
+            gradient.push(spare * shares[k] * (turned - mean));
         }
         gradient
     }
@@ -238,8 +237,8 @@ fn round(platform: &Platform, total_time_s: f64, plan: &TurningPlan) -> Option<T
             std::array::from_fn(|axis| round_angle_deg(platform, axis, angles[axis]));
         *angles = Position::from_deg(deg[0], deg[1], deg[2]).to_array();
     }
-    let timeline = rounded.timeline(platform);
-    let jumps: f64 = timeline.legs().iter().step_by(2).map(Leg::duration_s).sum();
+    let turning: f64 = rounded.duration_s.iter().sum();
+    let jumps = rounded.timeline(platform).total_time_s() - turning;
     rounded.duration_s = whole_periods(platform, &rounded.duration_s, total_time_s - jumps)?;
     rounded.is_slow_enough(platform).then_some(rounded)
 }
@@ -256,6 +255,8 @@ mod tests {
         config.motion.slew_rate_deg_per_s = Some(0.5);
         config.motion.settle_s = 20.0;
         config.gimbals.beta_deg = Some([-60.0, 60.0]);
+        config.motion.start_deg = Some([10.0, -20.0, 30.0]);
+        config.motion.return_to_start = true;
         let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
         let platform = evaluator.platform();
         let variables = TurningVariables {

@@ -10,7 +10,7 @@ use super::refine::Coordinates;
 use crate::attitude::{Position, wrap_half_turn};
 use crate::covariance::gradient::LegGradient;
 use crate::error::Result;
-use crate::motion::{Leg, Timeline};
+use crate::motion::Timeline;
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -26,13 +26,11 @@ pub struct Plan {
 impl Plan {
     /// The plan as a timeline of `platform`, reached as the platform moves by default.
     pub fn timeline(&self, platform: &Platform) -> Timeline {
-        let mut legs: Vec<Leg> = Vec::with_capacity(self.angles.len());
-        for (angles, &dwell_s) in self.angles.iter().zip(&self.dwell_s) {
-            let p = ScheduledPosition::new(Position::from_array(*angles), dwell_s);
-            let from = legs.last().map(|leg| leg.position);
-            legs.push(Timeline::leg(platform, from, &p));
-        }
-        Timeline::from_legs(legs)
+        let held = self.angles.iter().zip(&self.dwell_s);
+        let held = held.map(|(angles, &dwell_s)| {
+            ScheduledPosition::new(Position::from_array(*angles), dwell_s)
+        });
+        Timeline::unchecked(platform, held)
     }
 
     /// The plan as a schedule.
@@ -164,6 +162,11 @@ impl<'a> Variables<'a> {
         }
     }
 
+    /// Total time of every plan, s.
+    pub fn total_time_s(&self) -> f64 {
+        self.total_time_s
+    }
+
     /// The variables of `plan`.
     pub fn encode(&self, plan: &Plan) -> Vec<f64> {
         let min_dwell_s = self.platform.shortest_dwell_s();
@@ -215,11 +218,15 @@ impl Coordinates for Variables<'_> {
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
         let mut angles: Vec<[f64; 3]> = legs.iter().map(|l| l.angles).collect();
+        let held = timeline.positions();
         let vary_dwells = self.fixed_dwell_s.is_none();
         let shares: Vec<f64> = shares(x, PER_POSITION).collect();
         // What one more second for all dwells together is worth.
         let mean_dwell: f64 = match vary_dwells {
-            true => shares.iter().zip(legs).map(|(s, l)| s * l.dwell_s).sum(),
+            true => {
+                let worth = legs[held.clone()].iter().map(|l| l.dwell_s);
+                shares.iter().zip(worth).map(|(s, l)| s * l).sum()
+            }
             false => 0.0,
         };
         let moves = 1..timeline.legs().len();
@@ -231,25 +238,37 @@ impl Coordinates for Variables<'_> {
             mean_dwell,
             &mut angles,
         );
+        add_return(timeline, &mut angles);
         let spare: f64 = match vary_dwells {
             true => {
                 let min_dwell_s = self.platform.shortest_dwell_s();
-                timeline
-                    .legs()
-                    .iter()
-                    .map(|l| l.dwell_s - min_dwell_s)
-                    .sum()
+                let dwells = timeline.position_legs().iter();
+                dwells.map(|l| l.dwell_s - min_dwell_s).sum()
             }
             false => 0.0,
         };
         let mut gradient = Vec::with_capacity(x.len());
         for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
             for i in 0..3 {
-                gradient.push(angles[k][i] * self.maps[i].slope(c[i]));
+                gradient.push(angles[held.start + k][i] * self.maps[i].slope(c[i]));
             }
-            gradient.push(spare * shares[k] * (legs[k].dwell_s - mean_dwell));
+            let dwell = legs[held.start + k].dwell_s;
+            gradient.push(spare * shares[k] * (dwell - mean_dwell));
         }
         gradient
+    }
+}
+
+/// The place a test returns to is its first position, where the platform has no start: what the
+/// return is worth through its end belongs to that position.
+pub(super) fn add_return(timeline: &Timeline, angles: &mut [[f64; 3]]) {
+    let held = timeline.positions();
+    if held.start > 0 || held.end == timeline.legs().len() {
+        return;
+    }
+    let back = angles[held.end];
+    for (first, back) in angles[0].iter_mut().zip(back) {
+        *first += back;
     }
 }
 
@@ -317,7 +336,9 @@ mod tests {
         let mut config = PlatformConfig::default();
         config.motion.slew_rate_deg_per_s = Some(0.5);
         config.motion.settle_s = 20.0;
+        config.motion.return_to_start = true;
         if limited {
+            config.motion.start_deg = Some([10.0, -20.0, 30.0]);
             config.gimbals.alpha_deg = Some([-300.0, 300.0]);
             config.gimbals.beta_deg = Some([-60.0, 60.0]);
         }

@@ -54,6 +54,8 @@ pub struct MonteCarlo {
     pub misalignment: [StateCheck; 3],
     /// Where 95 of 100 ratios of a consistent filter lie.
     pub ratio_bounds: [f64; 2],
+    /// Duration of the test, s.
+    pub total_time_s: f64,
     /// At the end of every position.
     pub positions: Vec<PositionCheck>,
     /// NEES over all states at the end; none when everything is known exactly.
@@ -182,36 +184,40 @@ impl Simulation {
         let planned = self.gains.leg_ends.last().map(SquareRoot::sigma);
         let planned = planned.unwrap_or([f64::NAN; STATES]);
         let check = |i: usize| state_check(records, i, planned[i]);
-        let positions: Vec<PositionCheck> = self
+        // Start and return too, though they are no positions: the end is theirs.
+        let check_leg = |(leg, &index): (usize, &usize)| {
+            let sum = |part: fn(&Nees) -> f64| records.iter().map(|r| part(&r.nees[leg])).sum();
+            let one = &records[0].nees[leg];
+            PositionCheck {
+                end_s: self.program.intervals[index].end_s,
+                nees: Consistency::of_sum(sum(|n| n.states), one.state_dof, runs),
+                nees_coefficients: Consistency::of_sum(
+                    sum(|n| n.coefficients),
+                    one.coefficient_dof,
+                    runs,
+                ),
+            }
+        };
+        let mut legs: Vec<PositionCheck> = self
             .program
             .leg_ends
             .iter()
             .enumerate()
-            .map(|(leg, &index)| {
-                let sum = |part: fn(&Nees) -> f64| records.iter().map(|r| part(&r.nees[leg])).sum();
-                let one = &records[0].nees[leg];
-                PositionCheck {
-                    end_s: self.program.intervals[index].end_s,
-                    nees: Consistency::of_sum(sum(|n| n.states), one.state_dof, runs),
-                    nees_coefficients: Consistency::of_sum(
-                        sum(|n| n.coefficients),
-                        one.coefficient_dof,
-                        runs,
-                    ),
-                }
-            })
+            .map(check_leg)
             .collect();
         let nis = records.iter().map(|r| r.nis).sum();
         let off = records.iter().map(|r| r.largest_misalignment_deg.powi(2));
-        let end = positions.last();
+        let end = legs.last().cloned();
+        let positions = legs.drain(self.program.positions.clone()).collect();
         Ok(MonteCarlo {
             runs,
             seed,
             coefficients: std::array::from_fn(check),
             misalignment: std::array::from_fn(|i| check(PSI + i)),
             ratio_bounds,
-            nees: end.and_then(|p| p.nees),
-            nees_coefficients: end.and_then(|p| p.nees_coefficients),
+            total_time_s: end.as_ref().map_or(0.0, |p| p.end_s),
+            nees: end.as_ref().and_then(|p| p.nees),
+            nees_coefficients: end.as_ref().and_then(|p| p.nees_coefficients),
             nis: Consistency::of_sum(nis, 2, runs * self.program.ticks),
             rms_largest_misalignment_deg: (off.sum::<f64>() / runs as f64).sqrt(),
             positions,

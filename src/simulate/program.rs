@@ -1,5 +1,7 @@
 //! A timeline cut into the intervals that truth and filter step through.
 
+use std::ops::Range;
+
 use nalgebra::Matrix3;
 
 use crate::attitude::{Attitude, Position};
@@ -71,8 +73,10 @@ pub(super) struct Transition {
 pub(super) struct Program {
     pub intervals: Vec<Interval>,
     pub transitions: Vec<Transition>,
-    /// For each position, the index of its last interval.
+    /// For each leg of the timeline, the index of its last interval.
     pub leg_ends: Vec<usize>,
+    /// Which legs are positions of the schedule.
+    pub positions: Range<usize>,
     /// How many intervals end with a measurement.
     pub ticks: usize,
 }
@@ -101,6 +105,7 @@ impl Program {
                 intervals: Vec::new(),
                 transitions: Vec::new(),
                 leg_ends: Vec::new(),
+                positions: timeline.positions(),
                 ticks: 0,
             },
             time_s: 0.0,

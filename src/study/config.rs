@@ -1,13 +1,8 @@
 //! The task as a person describes it: the `[objective]` and `[search]` tables of a platform file.
 
-use std::collections::BTreeMap;
-use std::fmt;
-
-use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
-use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
-use crate::drift::{CoefficientVector, DriftCoefficient};
+use super::PerCoefficient;
 use crate::error::{Error, Result};
 use crate::platform::in_range;
 use crate::schedule::text;
@@ -113,9 +108,13 @@ pub struct ObjectiveConfig {
     pub total_time_s: f64,
     /// How covariance and separability enter the score.
     pub score: ScoreConfig,
-    /// 1σ specification of the coefficients, °/h (per g).
-    #[serde(skip_serializing_if = "SpecConfig::is_empty")]
-    pub spec_deg_per_h: SpecConfig,
+    /// Weights of the variances in criterion `a`, 0 to 1e6; 1 for those without one. The other
+    /// criteria have none.
+    #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
+    pub weights: PerCoefficient,
+    /// 1σ specification of the coefficients, °/h (per g), greater than 0, to 1e12.
+    #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
+    pub spec_deg_per_h: PerCoefficient,
 }
 
 impl Default for ObjectiveConfig {
@@ -125,7 +124,8 @@ impl Default for ObjectiveConfig {
             criterion: CriterionKind::default(),
             total_time_s: 12_000.0,
             score: ScoreConfig::default(),
-            spec_deg_per_h: SpecConfig::default(),
+            weights: PerCoefficient::default(),
+            spec_deg_per_h: PerCoefficient::default(),
         }
     }
 }
@@ -167,125 +167,6 @@ impl ScoreConfig {
                 .with_allowed(format!("more than 0, or {SEPARABILITY} more than 0")));
         }
         Ok(())
-    }
-}
-
-/// 1σ specification of the coefficients; the `[objective.spec_deg_per_h]` table.
-///
-/// ```
-/// use scheme_opt::drift::DriftCoefficient;
-/// use scheme_opt::study::SpecConfig;
-/// let spec = SpecConfig {
-///     default: Some(0.005),
-///     coefficients: [(DriftCoefficient::IX, 0.01)].into(),
-/// };
-/// assert_eq!(spec.of(DriftCoefficient::IX), Some(0.01));
-/// assert_eq!(spec.of(DriftCoefficient::SZ), Some(0.005));
-/// ```
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct SpecConfig {
-    /// For every coefficient that is not named, °/h (per g); greater than 0, to 1e12.
-    pub default: Option<f64>,
-    /// For single coefficients, °/h (per g); greater than 0, to 1e12.
-    pub coefficients: BTreeMap<DriftCoefficient, f64>,
-}
-
-impl SpecConfig {
-    /// One specification for all coefficients, °/h (per g).
-    pub const fn all(deg_per_h: f64) -> Self {
-        Self {
-            default: Some(deg_per_h),
-            coefficients: BTreeMap::new(),
-        }
-    }
-
-    /// True when nothing is specified.
-    pub fn is_empty(&self) -> bool {
-        self.default.is_none() && self.coefficients.is_empty()
-    }
-
-    /// The specification of a coefficient, °/h (per g), if it has one.
-    pub fn of(&self, coefficient: DriftCoefficient) -> Option<f64> {
-        self.coefficients
-            .get(&coefficient)
-            .copied()
-            .or(self.default)
-    }
-
-    /// One value per coefficient, °/h (per g), infinite where there is no specification; `None`
-    /// when there is none at all.
-    pub(super) fn check(&self) -> Result<Option<CoefficientVector>> {
-        let positive = |name: &str, value: f64| {
-            in_range(
-                &format!("objective.spec_deg_per_h.{name}"),
-                value,
-                f64::MIN_POSITIVE,
-                1e12,
-                "greater than 0, to 1e12",
-            )
-        };
-        if let Some(value) = self.default {
-            positive("default", value)?;
-        }
-        for (coefficient, value) in &self.coefficients {
-            positive(coefficient.name(), *value)?;
-        }
-        if self.is_empty() {
-            return Ok(None);
-        }
-        let mut spec = CoefficientVector::repeat(f64::INFINITY);
-        for c in DriftCoefficient::ALL {
-            if let Some(value) = self.of(c) {
-                spec[c.index()] = value;
-            }
-        }
-        Ok(Some(spec))
-    }
-}
-
-impl Serialize for SpecConfig {
-    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        if let Some(value) = self.default {
-            map.serialize_entry("default", &value)?;
-        }
-        for (coefficient, value) in &self.coefficients {
-            map.serialize_entry(coefficient.name(), value)?;
-        }
-        map.end()
-    }
-}
-
-impl<'de> Deserialize<'de> for SpecConfig {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
-        struct SpecVisitor;
-        impl<'de> Visitor<'de> for SpecVisitor {
-            type Value = SpecConfig;
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "a table such as {{ default = 0.005, D_IX = 0.01 }}")
-            }
-            fn visit_map<A: MapAccess<'de>>(
-                self,
-                mut map: A,
-            ) -> std::result::Result<Self::Value, A::Error> {
-                let mut spec = SpecConfig::default();
-                while let Some(name) = map.next_key::<String>()? {
-                    let earlier = if name == "default" {
-                        spec.default.replace(map.next_value()?)
-                    } else {
-                        let coefficient = DriftCoefficient::from_name(&name).ok_or_else(|| {
-                            A::Error::custom(format!("`{name}` is no drift coefficient"))
-                        })?;
-                        spec.coefficients.insert(coefficient, map.next_value()?)
-                    };
-                    if earlier.is_some() {
-                        return Err(A::Error::custom(format!("`{name}` is given twice")));
-                    }
-                }
-                Ok(spec)
-            }
-        }
-        deserializer.deserialize_map(SpecVisitor)
     }
 }
 
@@ -381,26 +262,5 @@ mod tests {
         let error = CriterionKind::from_name("max_ratio").unwrap_err();
         assert!(error.to_string().contains("did you mean `max-ratio`?"));
         assert_eq!(error.key(), Some("objective.criterion"));
-    }
-
-    #[test]
-    fn specifications_read_back_and_fill_up() {
-        let text = r#"{"D_SZ": 1, "default": 0.5}"#;
-        let spec: SpecConfig = serde_json::from_str(text).unwrap();
-        let written = serde_json::to_string(&spec).unwrap();
-        assert_eq!(serde_json::from_str::<SpecConfig>(&written).unwrap(), spec);
-        let values = spec.check().unwrap().unwrap();
-        assert_eq!(values[DriftCoefficient::SZ.index()], 1.0);
-        assert_eq!(values[DriftCoefficient::FX.index()], 0.5);
-
-        let one: SpecConfig = serde_json::from_str(r#"{"D_FX": 2}"#).unwrap();
-        let values = one.check().unwrap().unwrap();
-        assert_eq!(values[0], 2.0);
-        assert!(values.iter().skip(1).all(|v| *v == f64::INFINITY));
-
-        assert_eq!(SpecConfig::default().check(), Ok(None));
-        for bad in [r#"{"D_XX": 1}"#, r#"{"D_FX": 1, "D_FX": 2}"#, "3"] {
-            assert!(serde_json::from_str::<SpecConfig>(bad).is_err());
-        }
     }
 }

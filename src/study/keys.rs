@@ -35,12 +35,27 @@ pub(super) const KNOWN: &[(&str, Absent)] = &[
     ("motion.settle_s", Assumed),
     ("motion.measure_moves", Assumed),
     ("motion.min_dwell_s", Assumed),
+    ("motion.start_deg", Nothing),
+    ("motion.return_to_start", Assumed),
     ("objective.mode", Assumed),
     ("objective.criterion", Assumed),
     ("objective.total_time_s", Assumed),
     ("objective.score.covariance_weight", Assumed),
     ("objective.score.separability_weight", Assumed),
     ("objective.score.minimum_separability", Assumed),
+    ("objective.weights.default", Nothing),
+    ("objective.weights.D_FX", Nothing),
+    ("objective.weights.D_FY", Nothing),
+    ("objective.weights.D_FZ", Nothing),
+    ("objective.weights.D_IX", Nothing),
+    ("objective.weights.D_IY", Nothing),
+    ("objective.weights.D_IZ", Nothing),
+    ("objective.weights.D_OX", Nothing),
+    ("objective.weights.D_OY", Nothing),
+    ("objective.weights.D_OZ", Nothing),
+    ("objective.weights.D_SX", Nothing),
+    ("objective.weights.D_SY", Nothing),
+    ("objective.weights.D_SZ", Nothing),
     ("objective.spec_deg_per_h.default", Nothing),
     ("objective.spec_deg_per_h.D_FX", Nothing),
     ("objective.spec_deg_per_h.D_FY", Nothing),
@@ -115,6 +130,8 @@ pub(super) fn choices(path: &str) -> Option<Vec<&'static str>> {
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
     if path.starts_with("gimbals.") && path != "gimbals.step_deg" {
         Some((2, "two numbers [low, high]"))
+    } else if path == "motion.start_deg" {
+        Some((3, "three angles [alpha, beta, gamma]"))
     } else if path.starts_with("prior.") {
         Some((3, "a number, or three: [x, y, z]"))
     } else {

@@ -30,7 +30,7 @@ fn the_embedded_file_says_the_defaults() {
 fn the_embedded_file_shows_every_key_and_its_commented_keys_are_right() {
     // What is commented out starts with `# key = value` or `# [table]`.
     let is_code = |rest: &str| {
-        rest.starts_with("[objective.spec")
+        rest.starts_with("[objective.")
             || rest
                 .split_once(" = ")
                 .is_some_and(|(key, _)| keys::elsewhere(key).is_some() && !key.contains(' '))

@@ -55,7 +55,9 @@ impl Study {
             Mode::Accuracy | Mode::Pareto => self.objective().criterion,
         };
         match kind {
-            CriterionKind::A => Criterion::rms(),
+            CriterionKind::A => Criterion::A {
+                weights: *self.weights(),
+            },
             CriterionKind::D => Criterion::D,
             CriterionKind::E => Criterion::E,
             CriterionKind::MaxRatio => Criterion::MaxRatio {
@@ -72,19 +74,21 @@ impl Study {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::{SpecConfig, StudyConfig};
+    use crate::study::{PerCoefficient, StudyConfig};
 
     #[test]
     fn every_choice_of_the_file_reaches_the_computation() {
         let mut config = StudyConfig::default();
-        config.objective.spec_deg_per_h = SpecConfig::all(0.004);
+        config.objective.spec_deg_per_h = PerCoefficient::all(0.004);
         config.objective.score.separability_weight = 0.25;
         config.objective.score.minimum_separability = 0.125;
         config.search.starts = 3;
         config.search.seed = 9;
+        config.objective.weights = PerCoefficient::all(2.0);
+        let weights = CoefficientVector::repeat(2.0);
         let spec = CoefficientVector::repeat(0.004);
         for (kind, criterion) in [
-            (CriterionKind::A, Criterion::rms()),
+            (CriterionKind::A, Criterion::A { weights }),
             (CriterionKind::D, Criterion::D),
             (CriterionKind::E, Criterion::E),
             (

@@ -1,0 +1,109 @@
+//! How good the search is: its result on a fixed set of problems against the best value known,
+//! over seeds, and against general-purpose optimisers with ten times the time.
+//!
+//! ```text
+//! cargo bench --bench search_quality                    # the search, five seeds, all problems
+//! cargo bench --bench search_quality -- --against       # and the other optimisers
+//! cargo bench --bench search_quality -- stand table-45  # some problems only
+//! ```
+//!
+//! Prints the tables of docs/search-quality.md. Values are deterministic, wall times are not.
+
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a bench has no callers"
+)]
+
+mod competitors;
+mod problems;
+
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use competitors::Competitor;
+use problems::Problem;
+use scheme_opt::search::{Control, SearchOutcome, search};
+
+const SEEDS: std::ops::RangeInclusive<u64> = 1..=5;
+/// How much more time than the search the other optimisers get.
+const MORE_TIME: f64 = 10.0;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let against = arguments.iter().any(|a| a == "--against");
+    let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
+    let problems: Vec<Problem> = problems::all()
+        .into_iter()
+        .filter(|p| wanted.is_empty() || wanted.iter().any(|w| *w == p.name))
+        .collect();
+    search_table(&problems);
+    if against {
+        against_table(&problems);
+    }
+}
+
+fn run(problem: &Problem, seed: u64) -> (SearchOutcome, f64) {
+    let evaluator = problem.evaluator();
+    let cancel = AtomicBool::new(false);
+    let control = Control::new(&cancel, &|_| {});
+    let start = Instant::now();
+    let outcome = search(&evaluator, &problem.search_problem(seed), &control).unwrap();
+    (outcome, start.elapsed().as_secs_f64())
+}
+
+/// The search over seeds.
+fn search_table(problems: &[Problem]) {
+    println!("| problem | conditions | best known | best | median | worst | positions | s |");
+    println!("|---|---|---|---|---|---|---|---|");
+    for problem in problems {
+        let runs: Vec<_> = SEEDS.map(|seed| run(problem, seed)).collect();
+        let mut values: Vec<f64> = runs
+            .iter()
+            .map(|r| r.0.evaluation.score.criterion)
+            .collect();
+        values.sort_by(f64::total_cmp);
+        let known = problem.best_known.min(values[0]);
+        let excess = |v: f64| format!("+{:.2} %", 100.0 * (v / known - 1.0));
+        let wall: f64 = runs.iter().map(|r| r.1).sum::<f64>() / runs.len() as f64;
+        let count = |r: &(SearchOutcome, f64)| r.0.schedule.positions().len();
+        println!(
+            "| {} | {} | {known:.4e} | {} | {} | {} | {}–{} | {wall:.1} |",
+            problem.name,
+            problem.what,
+            excess(values[0]),
+            excess(values[values.len() / 2]),
+            excess(values[values.len() - 1]),
+            runs.iter().map(count).min().unwrap(),
+            runs.iter().map(count).max().unwrap(),
+        );
+    }
+}
+
+/// The search with seed 1 on one thread against each other optimiser on one thread.
+fn against_table(problems: &[Problem]) {
+    println!();
+    print!("| problem | search | s |");
+    Competitor::ALL
+        .iter()
+        .for_each(|c| print!(" {} |", c.name()));
+    println!(" evaluations, 1e6 |");
+    println!("|---|---|---|{}---|", "---|".repeat(Competitor::ALL.len()));
+    let one_thread = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
+    for problem in problems {
+        let (outcome, wall_s) = one_thread.install(|| run(problem, 1));
+        let ours = outcome.evaluation.score.criterion;
+        print!("| {} | {ours:.4e} | {wall_s:.1} |", problem.name);
+        let mut evaluations = Vec::new();
+        for competitor in Competitor::ALL {
+            let found = competitor.run(problem, &outcome.schedule, MORE_TIME * wall_s);
+            print!(" {:+.2} % |", 100.0 * (found.value / ours - 1.0));
+            evaluations.push(format!("{:.1}", found.evaluations as f64 / 1e6));
+        }
+        println!(" {} |", evaluations.join(", "));
+    }
+}

@@ -1,0 +1,204 @@
+//! Tables with one number per drift coefficient.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, Visitor};
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+use crate::drift::{CoefficientVector, DriftCoefficient};
+use crate::error::{Error, Result};
+use crate::platform::in_range;
+
+/// One number for all drift coefficients, or for single ones: the tables
+/// `[objective.spec_deg_per_h]` (°/h, per g) and `[objective.weights]`.
+///
+/// ```
+/// use scheme_opt::drift::DriftCoefficient;
+/// use scheme_opt::study::PerCoefficient;
+/// let spec = PerCoefficient {
+///     default: Some(0.005),
+///     coefficients: [(DriftCoefficient::IX, 0.01)].into(),
+/// };
+/// assert_eq!(spec.of(DriftCoefficient::IX), Some(0.01));
+/// assert_eq!(spec.of(DriftCoefficient::SZ), Some(0.005));
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PerCoefficient {
+    /// For every coefficient that is not named.
+    pub default: Option<f64>,
+    /// For single coefficients.
+    pub coefficients: BTreeMap<DriftCoefficient, f64>,
+}
+
+impl PerCoefficient {
+    /// One number for all coefficients.
+    pub const fn all(value: f64) -> Self {
+        Self {
+            default: Some(value),
+            coefficients: BTreeMap::new(),
+        }
+    }
+
+    /// True when no number is given.
+    pub fn is_empty(&self) -> bool {
+        self.default.is_none() && self.coefficients.is_empty()
+    }
+
+    /// The number of a coefficient, if it has one.
+    pub fn of(&self, coefficient: DriftCoefficient) -> Option<f64> {
+        self.coefficients
+            .get(&coefficient)
+            .copied()
+            .or(self.default)
+    }
+
+    /// Every value given, with its name.
+    fn given(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+        let default = self.default.map(|value| ("default", value));
+        let named = self
+            .coefficients
+            .iter()
+            .map(|(c, value)| (c.name(), *value));
+        default.into_iter().chain(named)
+    }
+
+    /// One value per coefficient, `otherwise` where there is none.
+    fn filled(&self, otherwise: f64) -> CoefficientVector {
+        let mut values = CoefficientVector::repeat(otherwise);
+        for c in DriftCoefficient::ALL {
+            if let Some(value) = self.of(c) {
+                values[c.index()] = value;
+            }
+        }
+        values
+    }
+
+    /// As specifications: one per coefficient, °/h (per g), infinite where there is none;
+    /// `None` when there is none at all.
+    pub(super) fn check_spec(&self) -> Result<Option<CoefficientVector>> {
+        for (name, value) in self.given() {
+            let key = format!("objective.spec_deg_per_h.{name}");
+            in_range(
+                &key,
+                value,
+                f64::MIN_POSITIVE,
+                1e12,
+                "greater than 0, to 1e12",
+            )?;
+        }
+        Ok((!self.is_empty()).then(|| self.filled(f64::INFINITY)))
+    }
+
+    /// As weights: one per coefficient, 1 where there is none; not all zero.
+    pub(super) fn check_weights(&self) -> Result<CoefficientVector> {
+        for (name, value) in self.given() {
+            let key = format!("objective.weights.{name}");
+            in_range(&key, value, 0.0, 1e6, "0 to 1e6")?;
+        }
+        let weights = self.filled(1.0);
+        if weights.max() == 0.0 {
+            return Err(Error::input("nothing is left to optimise")
+                .with_key("objective.weights")
+                .with_value("every weight 0")
+                .with_allowed("at least one weight above 0"));
+        }
+        Ok(weights)
+    }
+}
+
+impl Serialize for PerCoefficient {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        if let Some(value) = self.default {
+            map.serialize_entry("default", &value)?;
+        }
+        for (coefficient, value) in &self.coefficients {
+            map.serialize_entry(coefficient.name(), value)?;
+        }
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for PerCoefficient {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct TableVisitor;
+        impl<'de> Visitor<'de> for TableVisitor {
+            type Value = PerCoefficient;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a table such as {{ default = 0.005, D_IX = 0.01 }}")
+            }
+            fn visit_map<A: MapAccess<'de>>(
+                self,
+                mut map: A,
+            ) -> std::result::Result<Self::Value, A::Error> {
+                let mut spec = PerCoefficient::default();
+                while let Some(name) = map.next_key::<String>()? {
+                    let earlier = if name == "default" {
+                        spec.default.replace(map.next_value()?)
+                    } else {
+                        let coefficient = DriftCoefficient::from_name(&name).ok_or_else(|| {
+                            A::Error::custom(format!("`{name}` is no drift coefficient"))
+                        })?;
+                        spec.coefficients.insert(coefficient, map.next_value()?)
+                    };
+                    if earlier.is_some() {
+                        return Err(A::Error::custom(format!("`{name}` is given twice")));
+                    }
+                }
+                Ok(spec)
+            }
+        }
+        deserializer.deserialize_map(TableVisitor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn specifications_read_back_and_fill_up() {
+        let text = r#"{"D_SZ": 1, "default": 0.5}"#;
+        let spec: PerCoefficient = serde_json::from_str(text).unwrap();
+        let written = serde_json::to_string(&spec).unwrap();
+        assert_eq!(
+            serde_json::from_str::<PerCoefficient>(&written).unwrap(),
+            spec
+        );
+        let values = spec.check_spec().unwrap().unwrap();
+        assert_eq!(values[DriftCoefficient::SZ.index()], 1.0);
+        assert_eq!(values[DriftCoefficient::FX.index()], 0.5);
+
+        let one: PerCoefficient = serde_json::from_str(r#"{"D_FX": 2}"#).unwrap();
+        let values = one.check_spec().unwrap().unwrap();
+        assert_eq!(values[0], 2.0);
+        assert!(values.iter().skip(1).all(|v| *v == f64::INFINITY));
+
+        assert_eq!(PerCoefficient::default().check_spec(), Ok(None));
+        for bad in [r#"{"D_XX": 1}"#, r#"{"D_FX": 1, "D_FX": 2}"#, "3"] {
+            assert!(serde_json::from_str::<PerCoefficient>(bad).is_err());
+        }
+    }
+
+    #[test]
+    fn weights_are_one_unless_given_and_not_all_zero() {
+        let mut weights = PerCoefficient::default();
+        assert_eq!(weights.check_weights(), Ok(CoefficientVector::repeat(1.0)));
+        weights.coefficients.insert(DriftCoefficient::IX, 4.0);
+        let values = weights.check_weights().unwrap();
+        assert_eq!(
+            (values[DriftCoefficient::IX.index()], values[0]),
+            (4.0, 1.0)
+        );
+        weights.coefficients.insert(DriftCoefficient::IX, -1.0);
+        let error = weights.check_weights().unwrap_err();
+        assert_eq!(error.key(), Some("objective.weights.D_IX"));
+        assert!(
+            PerCoefficient::all(0.0)
+                .check_weights()
+                .unwrap_err()
+                .is_input()
+        );
+    }
+}
