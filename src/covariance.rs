@@ -16,6 +16,7 @@
 pub mod chain;
 pub mod gradient;
 pub mod history;
+pub(crate) mod incremental;
 pub mod kernel;
 pub mod reference;
 mod rows;

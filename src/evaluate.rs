@@ -23,9 +23,9 @@
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::reference::step_by_step;
-use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
+use crate::covariance::{CovarianceModel, EndCovariance, TickRule, covariance_from_information};
 use crate::criterion::{Criterion, Smoothing};
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
 use crate::observability::Observability;
@@ -64,7 +64,7 @@ impl Default for Objective {
 }
 
 impl Objective {
-    fn uses_separability(&self) -> bool {
+    pub(crate) fn uses_separability(&self) -> bool {
         self.separability_weight > 0.0 || self.minimum_separability > 0.0
     }
 }
@@ -255,6 +255,17 @@ impl Evaluator {
             };
         }
         Ok(value)
+    }
+
+    /// The covariance's part of the merit from the information on D, without the prior.
+    pub(crate) fn merit_of_information(
+        &self,
+        information: &CoefficientMatrix,
+        smoothing: Smoothing,
+    ) -> Result<f64> {
+        let p = covariance_from_information(information, &self.model.prior_sigma)?;
+        let (log, _) = self.objective.criterion.log_with_gradient(&p, smoothing)?;
+        Ok(self.objective.covariance_weight * log)
     }
 
     /// [`Evaluator::merit`] with its gradient.

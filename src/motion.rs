@@ -13,9 +13,12 @@
 //! `motion.return_to_start` the test ends with the unmeasured move back. A timeline holds start
 //! and return as legs of their own, which are held for no time.
 
+mod equivalents;
 pub(crate) mod integral;
 
 use std::ops::Range;
+
+pub use equivalents::{equivalent_positions, quickest_positions};
 
 use crate::attitude::{Attitude, Position, wrap_half_turn};
 use crate::error::{Error, Result};
@@ -158,6 +161,46 @@ impl Timeline {
             legs.push(back);
         }
         Self { legs, positions }
+    }
+
+    /// The same timeline with another position number `index`, its dwell kept: two legs and, if
+    /// the test returns to it, the return change. For timelines without moves of their own.
+    pub(crate) fn with_position(
+        &self,
+        platform: &Platform,
+        index: usize,
+        position: Position,
+    ) -> Self {
+        let mut changed = self.clone();
+        let legs = &mut changed.legs;
+        let here = self.positions.start + index;
+        let before = here.checked_sub(1).map(|k| legs[k].position);
+        let held = ScheduledPosition::new(position, legs[here].dwell_s);
+        legs[here] = Self::leg(platform, before, &held);
+        let last = legs.len() - 1;
+        let returns = last == self.positions.end;
+        if returns && here == 0 {
+            legs[last].position = position;
+            legs[last].attitude = legs[here].attitude;
+        }
+        let mut arrive_anew = |k: usize| {
+            let (from, measured) = (
+                legs[k - 1].position,
+                (k == last && returns).then_some(false),
+            );
+            let held = ScheduledPosition {
+                move_measured: measured,
+                ..ScheduledPosition::new(legs[k].position, legs[k].dwell_s)
+            };
+            legs[k].arrival = Self::leg(platform, Some(from), &held).arrival;
+        };
+        if here < last {
+            arrive_anew(here + 1);
+        }
+        if returns && here + 1 < last {
+            arrive_anew(last);
+        }
+        changed
     }
 
     /// One leg, unchecked.

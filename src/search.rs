@@ -19,6 +19,9 @@
 pub mod allocate;
 mod finish;
 pub mod front;
+mod improve;
+mod insert;
+mod order;
 mod pipeline;
 mod progress;
 pub mod propose;
@@ -27,6 +30,7 @@ pub mod shortest;
 mod table;
 mod tumbling;
 pub mod variables;
+mod workshop;
 
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};

@@ -306,10 +306,12 @@ mod tests {
         gimbals.gamma_deg = Some([0.0, 1.0]);
         gimbals.step_deg = Some(1.0);
         c.platform.motion.slew_rate_deg_per_s = Some(1.0);
+        c.platform.motion.start_deg = Some([0.0; 3]);
         c.objective.spec_deg_per_h = PerCoefficient {
             default: Some(1.0),
             coefficients: DriftCoefficient::ALL.map(|c| (c, 1.0)).into(),
         };
+        c.objective.weights = c.objective.spec_deg_per_h.clone();
         c.search.threads = Some(1);
         c.search.time_limit_s = Some(1.0);
         c

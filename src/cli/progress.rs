@@ -93,6 +93,7 @@ const fn name(phase: Phase) -> &'static str {
     match phase {
         Phase::Screening => "starts",
         Phase::Finishing => "finishing",
+        Phase::Improving => "improving",
         Phase::Checking => "checking",
     }
 }

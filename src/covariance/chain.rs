@@ -125,17 +125,7 @@ impl CovarianceModel {
         sink: &mut S,
         recorder: &mut R,
     ) -> State {
-        let mut runner = Runner {
-            model: self,
-            rule,
-            state: State {
-                v: DriftMatrix::zeros(),
-                p: self.prior_psi,
-            },
-            sink,
-            recorder,
-            leg: 0,
-        };
+        let mut runner = self.runner(self.start_state(), rule, sink, recorder);
         let legs = timeline.legs();
         for (index, leg) in legs.iter().enumerate() {
             runner.leg = index;
@@ -145,6 +135,62 @@ impl CovarianceModel {
             runner.dwell(leg);
         }
         runner.state
+    }
+
+    /// Before the test: nothing is known of D, and ψ^n by its prior.
+    pub(crate) fn start_state(&self) -> State {
+        State {
+            v: DriftMatrix::zeros(),
+            p: self.prior_psi,
+        }
+    }
+
+    /// The move to `leg` from the leg `before` it, and its settle.
+    pub(crate) fn arrive<S: InformationSink>(
+        &self,
+        state: State,
+        [before, leg]: [&Leg; 2],
+        rule: TickRule,
+        sink: &mut S,
+    ) -> State {
+        let Some(arrival) = &leg.arrival else {
+            return state;
+        };
+        let mut none = NoRecord;
+        let mut runner = self.runner(state, rule, sink, &mut none);
+        runner.arrive(arrival, leg, before);
+        runner.state
+    }
+
+    /// The dwell of `leg`.
+    pub(crate) fn dwell<S: InformationSink>(
+        &self,
+        state: State,
+        leg: &Leg,
+        rule: TickRule,
+        sink: &mut S,
+    ) -> State {
+        let mut none = NoRecord;
+        let mut runner = self.runner(state, rule, sink, &mut none);
+        runner.dwell(leg);
+        runner.state
+    }
+
+    fn runner<'a, S: InformationSink, R: Recorder>(
+        &'a self,
+        state: State,
+        rule: TickRule,
+        sink: &'a mut S,
+        recorder: &'a mut R,
+    ) -> Runner<'a, S, R> {
+        Runner {
+            model: self,
+            rule,
+            state,
+            sink,
+            recorder,
+            leg: 0,
+        }
     }
 
     /// The covariance at the end of `timeline`, its information triangularised by QR.

@@ -3,8 +3,9 @@
 use super::allocate::allocate;
 use super::pipeline::{Candidate, Context, rate};
 use super::refine::{Refined, refine, refine_angles};
-use super::table::{Table, finish_on_table};
+use super::table::{OnTable, Table};
 use super::variables::{Plan, tidy_angle};
+use super::workshop::Workshop;
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
@@ -14,6 +15,8 @@ use crate::units::Angle;
 
 /// L-BFGS iterations of a full refinement.
 const FULL_ITERATIONS: u64 = 400;
+/// L-BFGS iterations that show whether a proposal leads somewhere.
+const TRIAL_ITERATIONS: u64 = 60;
 /// L-BFGS iterations that a plan with one position fewer gets to make up for it.
 const REMOVAL_ITERATIONS: u64 = 40;
 /// Rounds of allocation and refinement.
@@ -24,32 +27,59 @@ pub(super) const SHARPEST: f64 = 144.0;
 const ANGLE_STEP_DEG: f64 = 1e-3;
 
 /// Works `plan` out to the end; none when it comes to nothing.
-pub(super) fn finish(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     match Table::new(context.evaluator.platform()) {
-        Some(table) => finish_on_table(context, &table, &plan),
-        None => finish_free(context, &plan),
+        Some(table) => finish_in(context, &OnTable(table), plan),
+        None => finish_in(context, &FreeAngles, plan),
     }
 }
 
-fn finish_free(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+fn finish_in(context: Context<'_>, workshop: &impl Workshop, plan: &Plan) -> Option<Candidate> {
     let smoothing = context.first_smoothing();
-    // A plan without spare time has no variables to refine.
-    let mut current = refine(context, plan, smoothing, FULL_ITERATIONS)
-        .or_else(|| rate(context, plan, smoothing))?;
-    if !context.must_stop() {
-        current = settle_allocation(context, smoothing, current);
-        current = drop_idle(context, smoothing, current);
+    let settled = workshop.settle(context, plan, smoothing)?;
+    workshop.polish(context, settled)
+}
+
+/// Work on angles that can be set freely.
+pub(super) struct FreeAngles;
+
+impl Workshop for FreeAngles {
+    fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+        refine(context, plan, smoothing, TRIAL_ITERATIONS)
     }
-    // From the power mean towards the criterion itself.
-    if context.evaluator.objective().criterion.has_kinks() {
-        for power in [16.0, 48.0, SHARPEST] {
-            let smoothing = Smoothing::PowerMean(power);
-            if let Some(sharper) = refine(context, &current.plan, smoothing, FULL_ITERATIONS) {
-                current = sharper;
+
+    fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
+        let better = refine(context, &plan.plan, smoothing, FULL_ITERATIONS);
+        better.filter(|r| r.merit < plan.merit).unwrap_or(plan)
+    }
+
+    fn settle(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+        // A plan without spare time has no variables to refine.
+        let current = refine(context, plan, smoothing, FULL_ITERATIONS)
+            .or_else(|| rate(context, plan, smoothing))?;
+        if context.must_stop() {
+            return Some(current);
+        }
+        let current = settle_allocation(context, smoothing, current);
+        Some(drop_idle(context, smoothing, current))
+    }
+
+    fn polish(&self, context: Context<'_>, mut current: Refined) -> Option<Candidate> {
+        // From the power mean towards the criterion itself.
+        if context.evaluator.objective().criterion.has_kinks() {
+            for power in [16.0, 48.0, SHARPEST] {
+                let smoothing = Smoothing::PowerMean(power);
+                if let Some(sharper) = refine(context, &current.plan, smoothing, FULL_ITERATIONS) {
+                    current = sharper;
+                }
             }
         }
+        round(context, &current.plan)
     }
-    round(context, &current.plan)
+
+    fn admit(&self, _: Context<'_>, plan: Plan) -> Plan {
+        plan
+    }
 }
 
 /// Allocation and refinement in turn until neither helps.

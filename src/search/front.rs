@@ -199,7 +199,7 @@ impl Sweep<'_> {
                 .clone()
                 .fitted(self.evaluator.platform(), problem.total_time_s)
         });
-        let Some(offered) = plan.and_then(|plan| finish(context, plan)) else {
+        let Some(offered) = plan.and_then(|plan| finish(context, &plan)) else {
             return;
         };
         if found[to].as_ref().is_none_or(|c| offered.merit < c.merit) {

@@ -4,10 +4,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::finish::FreeAngles;
+use super::improve::improve;
 use super::refine::{Refined, refine};
-use super::table::{Table, screen_on_table};
+use super::table::{OnTable, Table, screen_on_table};
 use super::variables::Plan;
-use super::{Control, Counters, Phase, SearchProblem, finish, propose};
+use super::workshop::Workshop;
+use super::{Control, Counters, Phase, SearchProblem, propose};
 use crate::criterion::Smoothing;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
@@ -82,6 +85,10 @@ pub(crate) struct Candidate {
 
 /// How many of the best starts are worked out to the end.
 const FINALISTS: usize = 12;
+/// How many different finished plans are improved further.
+const IMPROVED: usize = 3;
+/// Merits closer than this belong to one basin.
+const SAME_BASIN: f64 = 1e-6;
 /// L-BFGS iterations of a start before the best are chosen.
 const SCREENING_ITERATIONS: u64 = 90;
 
@@ -100,15 +107,89 @@ pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> O
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
 pub(crate) fn best_candidate(context: Context<'_>, warm: &[Plan]) -> Result<Candidate> {
+    let found = match Table::new(context.evaluator.platform()) {
+        Some(table) => best_in(context, &OnTable(table), warm),
+        None => best_in(context, &FreeAngles, warm),
+    };
+    found?.ok_or_else(no_schedule)
+}
+
+fn best_in(
+    context: Context<'_>,
+    workshop: &impl Workshop,
+    warm: &[Plan],
+) -> Result<Option<Candidate>> {
     let starts = propose::starts(context.evaluator, context.problem)?;
     let mut finalists = screen(context, starts);
     finalists.truncate(FINALISTS);
-    let warm = warm.iter().filter_map(|plan| {
+    let known = warm.iter().filter_map(|plan| {
         plan.clone()
             .fitted(context.evaluator.platform(), context.problem.total_time_s)
     });
-    let plans: Vec<Plan> = warm.chain(finalists.into_iter().map(|r| r.plan)).collect();
-    best_of(finish_all(context, plans)).ok_or_else(no_schedule)
+    let plans: Vec<Plan> = known.chain(finalists.into_iter().map(|r| r.plan)).collect();
+    let smoothing = context.first_smoothing();
+    let settle = |plan: Plan| workshop.settle(context, &plan, smoothing);
+    let mut settled = in_parallel(context, Phase::Finishing, plans, settle);
+    settled.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+    // The same basin twice is worked on once.
+    settled.dedup_by(|b, a| b.merit - a.merit < SAME_BASIN);
+    // A neighbouring problem has been improved already.
+    settled.truncate(if warm.is_empty() { IMPROVED } else { 1 });
+    let numbered: Vec<(u64, Refined)> = (0..).zip(settled).collect();
+    let improve = |(stream, plan): (u64, Refined)| {
+        let improved = improve(context, workshop, smoothing, plan, stream);
+        workshop.polish(context, improved)
+    };
+    Ok(best_of(in_parallel(
+        context,
+        Phase::Improving,
+        numbered,
+        improve,
+    )))
+}
+
+/// Does a piece of work on each item, in parallel, the first whatever the control says; results
+/// in the order of the items.
+fn in_parallel<T: Send, U: Shown + Send>(
+    context: Context<'_>,
+    phase: Phase,
+    items: Vec<T>,
+    work: impl Fn(T) -> Option<U> + Sync,
+) -> Vec<U> {
+    let total = items.len() as u64;
+    let done = AtomicU64::new(0);
+    items
+        .into_par_iter()
+        .enumerate()
+        .filter_map(|(index, item)| {
+            if index > 0 && context.must_stop() {
+                return None;
+            }
+            let result = work(item);
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            let criterion = result.as_ref().and_then(|r| r.criterion(context));
+            context.control.report(phase, count, total, criterion);
+            result
+        })
+        .collect()
+}
+
+/// What progress can be shown of.
+trait Shown {
+    /// The criterion, where it is known.
+    fn criterion(&self, context: Context<'_>) -> Option<f64>;
+}
+
+impl Shown for Refined {
+    fn criterion(&self, context: Context<'_>) -> Option<f64> {
+        context.shown_criterion(self)
+    }
+}
+
+impl Shown for Candidate {
+    fn criterion(&self, _: Context<'_>) -> Option<f64> {
+        Some(self.criterion)
+    }
 }
 
 fn no_schedule() -> Error {
@@ -122,36 +203,23 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
         .reduce(|best, c| if c.merit < best.merit { c } else { best })
 }
 
-/// Refines every start for a while, in parallel; returns them best first. The first start is
-/// worked on whatever the control says, so that there always is a best so far.
+/// Refines every start for a while; returns them best first. The first start is worked on
+/// whatever the control says, so that there always is a best so far.
 fn screen(context: Context<'_>, starts: Vec<Plan>) -> Vec<Refined> {
-    let total = starts.len() as u64;
-    let done = AtomicU64::new(0);
     let smoothing = context.first_smoothing();
     let table = Table::new(context.evaluator.platform()).filter(Table::is_coarse);
-    let mut refined: Vec<Refined> = starts
-        .into_par_iter()
-        .enumerate()
-        .filter_map(|(index, plan)| {
-            if index > 0 && context.must_stop() {
-                return None;
-            }
-            let result = match &table {
-                // Free angles say little about a coarse table.
-                Some(table) => screen_on_table(context, table, &plan),
-                // A plan without spare time has no variables to refine.
-                None => refine(context, &plan, smoothing, SCREENING_ITERATIONS)
-                    .or_else(|| rate(context, &plan, smoothing)),
-            };
-            context.work.starts.fetch_add(1, Ordering::Relaxed);
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            let criterion = result.as_ref().and_then(|r| context.shown_criterion(r));
-            context
-                .control
-                .report(Phase::Screening, count, total, criterion);
-            result
-        })
-        .collect();
+    let work = |plan: Plan| {
+        let result = match &table {
+            // Free angles say little about a coarse table.
+            Some(table) => screen_on_table(context, table, &plan),
+            // A plan without spare time has no variables to refine.
+            None => refine(context, &plan, smoothing, SCREENING_ITERATIONS)
+                .or_else(|| rate(context, &plan, smoothing)),
+        };
+        context.work.starts.fetch_add(1, Ordering::Relaxed);
+        result
+    };
+    let mut refined = in_parallel(context, Phase::Screening, starts, work);
     refined.sort_by(|a, b| a.merit.total_cmp(&b.merit));
     refined
 }
@@ -163,26 +231,4 @@ impl Context<'_> {
         let plain = o.separability_weight == 0.0 && o.minimum_separability == 0.0;
         (plain && o.covariance_weight > 0.0).then(|| (refined.merit / o.covariance_weight).exp())
     }
-}
-
-/// Works plans out to the end, in parallel.
-fn finish_all(context: Context<'_>, plans: Vec<Plan>) -> Vec<Candidate> {
-    let total = plans.len() as u64;
-    let done = AtomicU64::new(0);
-    plans
-        .into_par_iter()
-        .enumerate()
-        .filter_map(|(index, plan)| {
-            if index > 0 && context.must_stop() {
-                return None;
-            }
-            let result = finish::finish(context, plan);
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            let criterion = result.as_ref().map(|c| c.criterion);
-            context
-                .control
-                .report(Phase::Finishing, count, total, criterion);
-            result
-        })
-        .collect()
 }

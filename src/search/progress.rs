@@ -10,6 +10,8 @@ pub enum Phase {
     Screening,
     /// Working the best starts out to the end.
     Finishing,
+    /// Trying other orders, positions and kicks on the best of them.
+    Improving,
     /// Confirming the winner with the step-by-step filter.
     Checking,
 }

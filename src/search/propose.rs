@@ -8,11 +8,11 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::SearchProblem;
-use super::variables::{Plan, tidy_angle};
+use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
-use crate::motion::gimbal_change;
+use crate::motion::{equivalent_positions, gimbal_change};
 use crate::platform::Platform;
 use crate::schedule::standard::StandardScheme;
 
@@ -123,7 +123,7 @@ fn random_rotation(random: &mut impl Rng) -> Rotation3<f64> {
 const ATTEMPTS: usize = 50;
 
 /// A position within the gimbals' ranges: of a uniform attitude if one can be had.
-fn random_position(platform: &Platform, random: &mut impl Rng) -> Position {
+pub(super) fn random_position(platform: &Platform, random: &mut impl Rng) -> Position {
     for _ in 0..ATTEMPTS {
         let attitude = Attitude::from_rotation(random_rotation(random));
         if let Some(position) = within_ranges(platform, attitude.position()) {
@@ -138,27 +138,9 @@ fn random_position(platform: &Platform, random: &mut impl Rng) -> Position {
     }))
 }
 
-/// A triple of the same attitude within the ranges: the one given, or
-/// (α + 180°, 180° − β, γ + 180°), each axis shifted by whole turns.
+/// The first triple of the same attitude that the platform can take.
 pub fn within_ranges(platform: &Platform, position: Position) -> Option<Position> {
-    let half = TAU / 2.0;
-    let [a, b, g] = position.to_array();
-    for triple in [[a, b, g], [a + half, half - b, g + half]] {
-        let shifted: [Option<f64>; 3] = std::array::from_fn(|axis| {
-            let angle = triple[axis];
-            match platform.gimbals().ranges[axis] {
-                None => Some(tidy_angle(platform, axis, angle)),
-                Some(r) => {
-                    let lowest = angle + TAU * ((r.low_rad - angle) / TAU).ceil();
-                    (lowest <= r.high_rad).then_some(lowest)
-                }
-            }
-        });
-        if let [Some(a), Some(b), Some(g)] = shifted {
-            return Some(Position::from_rad(a, b, g));
-        }
-    }
-    None
+    equivalent_positions(platform, position).into_iter().next()
 }
 
 /// Gravity along the twelve directions of a randomly turned icosahedron, each at a random

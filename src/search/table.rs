@@ -6,19 +6,27 @@
 //! tried in the true merit and the best is kept, until a whole sweep changes nothing. Between sweeps the
 //! dwells are allocated and idle positions dropped, as for free angles.
 
+use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
 use super::allocate::allocate;
+use super::insert::{detour_s, price_of_time};
 use super::pipeline::{Candidate, Context, rate};
 use super::refine::Refined;
 use super::variables::Plan;
+use super::workshop::Workshop;
+use crate::attitude::Position;
+use crate::covariance::TickRule;
+use crate::covariance::incremental::Cuts;
 use crate::criterion::Smoothing;
 use crate::platform::Platform;
 
-/// Up to this many places of the table (45° and coarser) an exchange tries them all.
-const ALL_PLACES: usize = 1_000;
+/// Up to this many places of the table (45° and coarser) every start is improved by exchange.
+const COARSE: usize = 1_000;
+/// Up to this many (15°) an exchange tries them all in the end.
+const ALL_PLACES: usize = 14_000;
 /// Most angles of one axis that an exchange tries, around the present one.
 const AXIS_ANGLES: usize = 720;
 /// Sweeps of exchange per round.
@@ -27,11 +35,24 @@ const SWEEPS: usize = 12;
 const ROUNDS: usize = 6;
 /// An exchange has to gain this much.
 const GAIN: f64 = 1e-10;
+/// Places of an exchange that are rated in full, by their estimates.
+const RATED: usize = 4;
+
+/// Which places an exchange tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    /// On a coarse table all; on a fine one the neighbours and single axes.
+    Near,
+    /// All, as long as the table is not too fine.
+    All,
+}
 
 /// The angles each axis can be set to, rad.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     angles: [Vec<f64>; 3],
+    /// The places by attitude, each with all its triples; empty when there are too many.
+    attitudes: Vec<Vec<[f64; 3]>>,
 }
 
 impl Table {
@@ -48,7 +69,14 @@ impl Table {
             let last = (high / step + 1e-9).floor() as i64;
             (first..=last).map(|k| k as f64 * step).collect()
         });
-        Some(Self { angles })
+        let mut table = Self {
+            angles,
+            attitudes: Vec::new(),
+        };
+        if table.count().is_some_and(|n| n <= ALL_PLACES) {
+            table.attitudes = by_attitude(&table.angles);
+        }
+        Some(table)
     }
 
     /// Whether any position can be set at all.
@@ -56,12 +84,38 @@ impl Table {
         self.angles.iter().any(Vec::is_empty)
     }
 
-    /// Whether an exchange can try every place.
+    /// Whether every start can be improved by trying every place.
     pub fn is_coarse(&self) -> bool {
+        self.count().is_some_and(|n| n <= COARSE)
+    }
+
+    /// How many places there are.
+    fn count(&self) -> Option<usize> {
         self.angles
             .iter()
             .try_fold(1_usize, |n, axis| n.checked_mul(axis.len()))
-            .is_some_and(|n| n <= ALL_PLACES)
+    }
+
+    /// About `most` places spread over the table.
+    pub fn sample(&self, most: usize) -> Vec<Position> {
+        let count = self.count().unwrap_or(usize::MAX);
+        let stride = count.div_ceil(most).max(1);
+        // A stride that shares a factor with an axis would leave out some of its angles.
+        let lengths = self.angles.each_ref().map(Vec::len);
+        let coprime = |s: &usize| lengths.iter().all(|n| gcd(*s, *n) == 1);
+        let stride = if stride == 1 {
+            1
+        } else {
+            (stride..).find(coprime).unwrap_or(stride)
+        };
+        (0..count)
+            .step_by(stride)
+            .map(|i| {
+                let [a, b, g] = &self.angles;
+                let index = [i / g.len() / b.len(), i / g.len() % b.len(), i % g.len()];
+                Position::from_rad(a[index[0]], b[index[1]], g[index[2]])
+            })
+            .collect()
     }
 
     /// The plan with every angle at its nearest setting.
@@ -107,19 +161,23 @@ impl Table {
         settings[here.saturating_sub(1)..(here + 2).min(settings.len())].to_vec()
     }
 
-    /// The places that an exchange of `angles` tries.
-    fn places(&self, angles: [f64; 3]) -> Vec<[f64; 3]> {
-        let mut places = Vec::new();
-        if self.is_coarse() {
-            for &a in &self.angles[0] {
-                for &b in &self.angles[1] {
-                    for &g in &self.angles[2] {
-                        places.push([a, b, g]);
-                    }
-                }
-            }
-            return places;
+    /// The places that an exchange of position `k` tries.
+    fn places(&self, platform: &Platform, plan: &Plan, k: usize, reach: Reach) -> Vec<[f64; 3]> {
+        let angles = plan.angles[k];
+        let all = reach == Reach::All || self.is_coarse();
+        if all && !self.attitudes.is_empty() {
+            let others = plan.without(k);
+            let quickest = |triples: &Vec<[f64; 3]>| {
+                let detours = triples.iter().map(|t| {
+                    let position = Position::from_array(*t);
+                    (detour_s(platform, &others, k, position), *t)
+                });
+                let best = detours.reduce(|best, d| if d.0 < best.0 { d } else { best });
+                best.map_or(angles, |(_, triple)| triple)
+            };
+            return self.attitudes.iter().map(quickest).collect();
         }
+        let mut places = Vec::new();
         // All combinations of neighbouring settings,
         let near = [0, 1, 2].map(|axis| self.neighbours(axis, angles[axis]));
         for &a in &near[0] {
@@ -146,78 +204,181 @@ impl Table {
     }
 }
 
+/// The triples of a table by the attitude they are; rounded cosines tell attitudes apart.
+fn by_attitude(angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
+    let mut known: HashMap<[i64; 9], usize> = HashMap::new();
+    let mut attitudes: Vec<Vec<[f64; 3]>> = Vec::new();
+    for &a in &angles[0] {
+        for &b in &angles[1] {
+            for &g in &angles[2] {
+                let matrix = *Position::from_rad(a, b, g).attitude().matrix();
+                // Half a unit off, so that a cosine of zero does not round both ways.
+                let key = std::array::from_fn(|i| (matrix[i] * 1e6 + 0.25).round() as i64);
+                let index = *known.entry(key).or_insert_with(|| {
+                    attitudes.push(Vec::new());
+                    attitudes.len() - 1
+                });
+                attitudes[index].push([a, b, g]);
+            }
+        }
+    }
+    attitudes
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
 /// A start snapped to a coarse table and improved by exchange, its dwells as they come.
 pub(super) fn screen_on_table(context: Context<'_>, table: &Table, plan: &Plan) -> Option<Refined> {
     let smoothing = context.first_smoothing();
     let snapped = rate(context, &table.snapped(context, plan), smoothing)?;
-    Some(exchange(context, table, smoothing, snapped))
+    Some(exchange(context, table, smoothing, Reach::Near, snapped))
 }
 
-/// Works a start out to the end on the table; none when it comes to nothing.
-pub(super) fn finish_on_table(
-    context: Context<'_>,
-    table: &Table,
-    plan: &Plan,
-) -> Option<Candidate> {
-    let smoothing = context.first_smoothing();
-    let snapped = table.snapped(context, plan);
-    let mut current = rate(context, &snapped, smoothing)?;
-    for _ in 0..ROUNDS {
-        let before = current.merit;
-        current = exchange(context, table, smoothing, current);
-        current = allocate(context, current, smoothing);
-        current = drop_idle(context, smoothing, current);
-        if context.must_stop() || before - current.merit < 1e-6 {
-            break;
-        }
-    }
-    if context.evaluator.objective().criterion.has_kinks() {
-        current = rate(
+/// Work on an index table.
+pub(super) struct OnTable(pub Table);
+
+impl Workshop for OnTable {
+    fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+        let snapped = rate(context, plan, smoothing)?;
+        Some(exchange_once(
             context,
-            &current.plan,
-            Smoothing::PowerMean(super::finish::SHARPEST),
-        )?;
-        let sharp = Smoothing::PowerMean(super::finish::SHARPEST);
-        current = exchange(context, table, sharp, current);
-        current = allocate(context, current, sharp);
+            &self.0,
+            smoothing,
+            Reach::Near,
+            snapped,
+        ))
     }
-    super::finish::settle_times(context, &current.plan)
+
+    fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
+        let allocated = allocate(context, plan, smoothing);
+        exchange(context, &self.0, smoothing, Reach::Near, allocated)
+    }
+
+    fn settle(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+        let snapped = self.0.snapped(context, plan);
+        let mut current = rate(context, &snapped, smoothing)?;
+        for _ in 0..ROUNDS {
+            let before = current.merit;
+            current = exchange(context, &self.0, smoothing, Reach::Near, current);
+            current = allocate(context, current, smoothing);
+            current = drop_idle(context, smoothing, current);
+            if context.must_stop() || before - current.merit < 1e-6 {
+                break;
+            }
+        }
+        Some(current)
+    }
+
+    fn polish(&self, context: Context<'_>, mut current: Refined) -> Option<Candidate> {
+        let mut smoothing = context.first_smoothing();
+        if context.evaluator.objective().criterion.has_kinks() {
+            smoothing = Smoothing::PowerMean(super::finish::SHARPEST);
+            current = rate(context, &current.plan, smoothing)?;
+        }
+        for _ in 0..ROUNDS {
+            let before = current.merit;
+            current = exchange(context, &self.0, smoothing, Reach::All, current);
+            current = allocate(context, current, smoothing);
+            if context.must_stop() || before - current.merit < 1e-6 {
+                break;
+            }
+        }
+        let current = drop_idle(context, smoothing, current);
+        super::finish::settle_times(context, &current.plan)
+    }
+
+    fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
+        self.0.snapped(context, &plan)
+    }
 }
 
 /// Sweeps of exchanges until one changes nothing.
+///
+/// Every place is estimated at the cost of one dwell ([`Cuts`]); the time that its moves take
+/// more or less is counted at the price of time. The best few are rated in full.
 fn exchange(
     context: Context<'_>,
     table: &Table,
     smoothing: Smoothing,
+    reach: Reach,
     mut current: Refined,
 ) -> Refined {
     for _ in 0..SWEEPS {
         let before = current.merit;
-        for k in 0..current.plan.angles.len() {
-            if context.must_stop() {
-                return current;
-            }
-            let places = table.places(current.plan.angles[k]);
-            let rated: Vec<Option<Refined>> = places
-                .into_par_iter()
-                .map(|place| {
-                    let mut plan = current.plan.clone();
-                    plan.angles[k] = place;
-                    rate(context, &plan, smoothing)
-                })
-                .collect();
-            // In the order of the table, so that ties do not depend on the threads.
-            for candidate in rated.into_iter().flatten() {
-                if candidate.merit < current.merit - GAIN {
-                    current = candidate;
-                }
-            }
-        }
-        if before - current.merit < 1e-7 {
+        current = exchange_once(context, table, smoothing, reach, current);
+        if context.must_stop() || before - current.merit < 1e-7 {
             break;
         }
     }
     current
+}
+
+/// One sweep of exchanges.
+fn exchange_once(
+    context: Context<'_>,
+    table: &Table,
+    smoothing: Smoothing,
+    reach: Reach,
+    mut current: Refined,
+) -> Refined {
+    for k in 0..current.plan.angles.len() {
+        if context.must_stop() {
+            break;
+        }
+        let places = table.places(context.evaluator.platform(), &current.plan, k, reach);
+        for place in estimated(context, smoothing, &current.plan, k, places) {
+            let mut plan = current.plan.clone();
+            plan.angles[k] = place;
+            if let Some(candidate) = rate(context, &plan, smoothing)
+                && candidate.merit < current.merit - GAIN
+            {
+                current = candidate;
+            }
+        }
+    }
+    current
+}
+
+/// The places worth rating for position `k`, best first, in the order of the table where they
+/// are equal.
+fn estimated(
+    context: Context<'_>,
+    smoothing: Smoothing,
+    plan: &Plan,
+    k: usize,
+    places: Vec<[f64; 3]>,
+) -> Vec<[f64; 3]> {
+    let evaluator = context.evaluator;
+    if evaluator.objective().uses_separability() {
+        return places;
+    }
+    let platform = evaluator.platform();
+    let timeline = plan.timeline(platform);
+    let cuts = Cuts::new(evaluator.model(), &timeline, TickRule::Relaxed);
+    let price = match platform.motion().slew_rate_rad_per_s {
+        Some(_) => price_of_time(context, smoothing, plan).unwrap_or(0.0),
+        None => 0.0,
+    };
+    let (total_s, leg) = (timeline.total_time_s(), timeline.positions().start + k);
+    context.work.count_evaluations(places.len() as u64);
+    let mut estimates: Vec<(f64, [f64; 3])> = places
+        .into_par_iter()
+        .with_min_len(32)
+        .filter_map(|place| {
+            let changed = timeline.with_position(platform, k, Position::from_array(place));
+            let legs = changed.legs();
+            let information = cuts.with(leg..leg + 1, &legs[leg..=leg], legs.get(leg + 1));
+            let merit = evaluator
+                .merit_of_information(&information, smoothing)
+                .ok()?;
+            let more_s = changed.total_time_s() - total_s;
+            Some((merit - price * more_s, place))
+        })
+        .collect();
+    estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    estimates.into_iter().take(RATED).map(|(_, p)| p).collect()
 }
 
 /// Removes positions one by one, the most idle first, as long as the merit loses less than the

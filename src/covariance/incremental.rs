@@ -1,0 +1,492 @@
+//! A schedule cut between its positions, so that changing one of them costs one dwell, not K.
+//!
+//! Before a cut the chain is in a state (V, P) with information E on D. What the rest of the
+//! test tells about (ψ^n, D) at the cut is, after eliminating its noise, three rows
+//! `R ψ^n + S D` of unit noise and information E' on D alone: a [`Rest`]. Both together:
+//!
+//! ```text
+//! T = R V + S,   E_total = E + E' + Tᵀ (I + R P Rᵀ)⁻¹ T,
+//! ```
+//!
+//! the same form as a dwell of the [`chain`](super::chain). Backwards through an interval
+//! ψ^n ← Φ ψ^n + B D + ζ, ζ ~ N(0, C), the rows become W (R Φ ψ^n + (R B + S) D) with the whitener
+//! W of I + R C Rᵀ; through a measurement they are stacked with its rows and triangularised in
+//! ψ^n, and what is left without ψ^n goes to E'.
+//!
+//! The derivatives of E_total's merit with respect to V and P at a cut follow from the same
+//! rows, and with them the exact **directional derivative** of inserting a position there:
+//! [`Cut::insertion`].
+
+use nalgebra::{Matrix3, SMatrix};
+
+use super::chain::{Gram, InformationSink, Passage, Recorder, State, Step, measurement_root};
+use super::small::{square_root, whitener};
+use super::{CovarianceModel, TickRule};
+use crate::attitude::{EAST, NORTH};
+use crate::drift::{CoefficientMatrix, DriftMatrix, times_drift_matrix};
+use crate::motion::{Leg, Timeline};
+
+/// What the rest of a test tells about (ψ^n, D) at a cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Rest {
+    /// R: of three rows, what multiplies ψ^n.
+    psi: Matrix3<f64>,
+    /// S: of three rows, what multiplies D.
+    drift: DriftMatrix,
+    /// E': information on D alone.
+    information: CoefficientMatrix,
+}
+
+impl Rest {
+    fn nothing() -> Self {
+        Self {
+            psi: Matrix3::zeros(),
+            drift: DriftMatrix::zeros(),
+            information: CoefficientMatrix::zeros(),
+        }
+    }
+
+    /// Back through ψ^n ← Φ ψ^n + B D + ζ, ζ ~ N(0, C).
+    fn through(&mut self, phi: &Matrix3<f64>, b: &DriftMatrix, noise: &Matrix3<f64>) {
+        let w = whitener(&(self.psi * square_root(noise)));
+        self.drift = w * (self.psi * b + self.drift);
+        self.psi = w * self.psi * phi;
+    }
+
+    /// With three more rows `psi ψ^n + drift D`.
+    fn with_rows(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix) {
+        let mut rows = SMatrix::<f64, 6, 15>::zeros();
+        rows.fixed_view_mut::<3, 3>(0, 0).copy_from(psi);
+        rows.fixed_view_mut::<3, 12>(0, 3).copy_from(drift);
+        rows.fixed_view_mut::<3, 3>(3, 0).copy_from(&self.psi);
+        rows.fixed_view_mut::<3, 12>(3, 3).copy_from(&self.drift);
+        triangularise(&mut rows);
+        self.psi = rows.fixed_view::<3, 3>(0, 0).into_owned();
+        self.drift = rows.fixed_view::<3, 12>(0, 3).into_owned();
+        self.add_information(&rows.fixed_view::<3, 12>(3, 3).into_owned());
+    }
+
+    fn add_information(&mut self, rows: &DriftMatrix) {
+        self.information.gemm_tr(1.0, rows, rows, 1.0);
+    }
+
+    /// All information on D with a state and information before the cut.
+    fn joined(&self, state: &State, before: &CoefficientMatrix) -> CoefficientMatrix {
+        let mut gram = Gram(before + self.information);
+        let t = self.psi * state.v + self.drift;
+        gram.add(&(whitener(&(self.psi * square_root(&state.p))) * t));
+        gram.0
+    }
+}
+
+/// Householder reflections that make the first three columns upper triangular.
+fn triangularise(rows: &mut SMatrix<f64, 6, 15>) {
+    for column in 0..3 {
+        let mut v = [0.0; 6];
+        let mut norm2 = 0.0;
+        for row in column..6 {
+            v[row] = rows[(row, column)];
+            norm2 += v[row] * v[row];
+        }
+        if norm2 == 0.0 {
+            continue;
+        }
+        let pivot = v[column];
+        v[column] += norm2.sqrt().copysign(pivot);
+        let scale = 2.0 / (norm2 - pivot * pivot + v[column] * v[column]);
+        for j in column..15 {
+            let dot: f64 = (column..6).map(|i| v[i] * rows[(i, j)]).sum();
+            for i in column..6 {
+                rows[(i, j)] -= scale * dot * v[i];
+            }
+        }
+        for row in column + 1..6 {
+            rows[(row, column)] = 0.0;
+        }
+    }
+}
+
+/// A timeline with the state before and the rest after every dwell and every move.
+#[derive(Debug)]
+pub(crate) struct Cuts<'a> {
+    model: &'a CovarianceModel,
+    rule: TickRule,
+    legs: &'a [Leg],
+    /// Before the dwell of each leg, after its arrival.
+    before_dwell: Vec<(State, CoefficientMatrix)>,
+    /// After the dwell of each leg.
+    after_dwell: Vec<(State, CoefficientMatrix)>,
+    /// From the dwell of each leg on.
+    rest: Vec<Rest>,
+}
+
+/// Remembers which steps a chain takes, without their states.
+#[derive(Default)]
+struct Steps(Vec<(usize, Step)>);
+
+impl Recorder for Steps {
+    const KEEP_EMPTY: bool = false;
+    fn record(&mut self, leg: usize, step: Step, _: &State) {
+        self.0.push((leg, step));
+    }
+}
+
+impl<'a> Cuts<'a> {
+    /// Cuts `timeline` before and after every dwell, at the cost of two runs through it.
+    pub fn new(model: &'a CovarianceModel, timeline: &'a Timeline, rule: TickRule) -> Self {
+        let legs = timeline.legs();
+        let mut cuts = Self {
+            model,
+            rule,
+            legs,
+            before_dwell: Vec::with_capacity(legs.len()),
+            after_dwell: Vec::with_capacity(legs.len()),
+            rest: vec![Rest::nothing(); legs.len()],
+        };
+        let (mut state, mut gram) = (model.start_state(), Gram(CoefficientMatrix::zeros()));
+        for (k, leg) in legs.iter().enumerate() {
+            if k > 0 {
+                state = model.arrive(state, [&legs[k - 1], leg], rule, &mut gram);
+            }
+            cuts.before_dwell.push((state, gram.0));
+            state = model.dwell(state, leg, rule, &mut gram);
+            cuts.after_dwell.push((state, gram.0));
+        }
+        cuts.go_back(timeline);
+        cuts
+    }
+
+    fn go_back(&mut self, timeline: &Timeline) {
+        let mut steps = Steps::default();
+        let mut ignored = Gram(CoefficientMatrix::zeros());
+        self.model
+            .run(timeline, self.rule, &mut ignored, &mut steps);
+        let mut rest = Rest::nothing();
+        let mut steps = steps.0.into_iter().rev().peekable();
+        for leg in (0..self.legs.len()).rev() {
+            let in_dwell = |step: &Step| {
+                matches!(
+                    step,
+                    Step::Dwell { .. }
+                        | Step::Pass {
+                            passage: Passage::Remainder,
+                            ..
+                        }
+                        | Step::Measure {
+                            of: super::chain::Measured::DwellRemainder,
+                            ..
+                        }
+                )
+            };
+            while let Some((_, step)) = steps.next_if(|(l, step)| *l == leg && in_dwell(step)) {
+                self.back(&mut rest, leg, step);
+            }
+            self.rest[leg] = rest;
+            while let Some((_, step)) = steps.next_if(|(l, _)| *l == leg) {
+                self.back(&mut rest, leg, step);
+            }
+        }
+    }
+
+    fn back(&self, rest: &mut Rest, leg: usize, step: Step) {
+        let (model, l) = (self.model, &self.legs[leg]);
+        match step {
+            Step::Dwell { periods } => {
+                let k = model.kernels.kernel(periods);
+                let a = |m: &Matrix3<f64>| times_drift_matrix(m, &l.attitude);
+                rest.through(&k.a_psi, &a(&k.a_epsilon), &k.c);
+                rest.with_rows(&k.r11, &a(&k.r12));
+                rest.add_information(&a(&k.r22));
+            }
+            Step::Pass { passage, length_s } => {
+                let dynamics = &model.dynamics;
+                let b = match (passage, &l.arrival) {
+                    (Passage::Moving { start_s, .. }, Some(m)) => {
+                        m.drift_integral(dynamics, start_s, length_s)
+                    }
+                    _ => times_drift_matrix(&dynamics.integral(length_s), &l.attitude),
+                };
+                let noise = Matrix3::identity() * (model.drift_psd * length_s);
+                rest.through(&dynamics.transition(length_s), &b, &noise);
+            }
+            Step::Measure { weight, .. } => {
+                rest.with_rows(&measurement_root(weight), &DriftMatrix::zeros());
+            }
+            Step::Rotate => {
+                let q = l.attitude.matrix() * self.legs[leg - 1].attitude.matrix().transpose();
+                rest.psi *= q;
+            }
+        }
+    }
+
+    /// Information on D when the legs `replaced` give way to `legs`. The move to the leg that
+    /// follows, if any, starts at the last of them, so its leg is given anew as `next`; its
+    /// dwell and all that comes after stay.
+    pub fn with(
+        &self,
+        replaced: std::ops::Range<usize>,
+        legs: &[Leg],
+        next: Option<&Leg>,
+    ) -> CoefficientMatrix {
+        let (mut state, before) = match replaced.start.checked_sub(1) {
+            Some(k) => self.after_dwell[k],
+            None => (self.model.start_state(), CoefficientMatrix::zeros()),
+        };
+        let mut gram = Gram(before);
+        let mut previous = replaced.start.checked_sub(1).map(|k| &self.legs[k]);
+        for leg in legs {
+            if let Some(previous) = previous {
+                state = self
+                    .model
+                    .arrive(state, [previous, leg], self.rule, &mut gram);
+            }
+            state = self.model.dwell(state, leg, self.rule, &mut gram);
+            previous = Some(leg);
+        }
+        let Some(next) = next else {
+            return gram.0;
+        };
+        if let Some(previous) = previous {
+            state = self
+                .model
+                .arrive(state, [previous, next], self.rule, &mut gram);
+        }
+        self.rest[replaced.end].joined(&state, &gram.0)
+    }
+
+    /// Information on D of the whole timeline.
+    pub fn information(&self) -> CoefficientMatrix {
+        self.after_dwell
+            .last()
+            .map_or_else(CoefficientMatrix::zeros, |(_, e)| *e)
+    }
+
+    /// What a position inserted before (`leg` = index of the leg it would come before) is worth.
+    /// `information_adjoint` is Ē = ∂merit/∂E.
+    pub fn insertion(&self, leg: usize, information_adjoint: &CoefficientMatrix) -> Insertion {
+        let (state, rest) = match self.rest.get(leg) {
+            Some(rest) => (self.before_dwell[leg].0, *rest),
+            None => (
+                self.after_dwell
+                    .last()
+                    .map_or_else(|| self.model.start_state(), |(state, _)| *state),
+                Rest::nothing(),
+            ),
+        };
+        Insertion::new(self.model, &state, &rest, information_adjoint)
+    }
+}
+
+/// Derivative of the merit with respect to the time spent, at a cut, in any attitude.
+///
+/// For a short time dt at A = A(C): dV = (F V + A − P HᵀH V w) dt,
+/// dP = (F P + P Fᵀ + q I − P HᵀH P w) dt and dE = Vᵀ HᵀH V w dt, w = 1/(period · r²) the
+/// information of the measurements per second. With the adjoints of V and P at the cut,
+/// V̄ = 2 Rᵀ S⁻¹ T Ē and P̄ = −Rᵀ S⁻¹ T Ē Tᵀ S⁻¹ R, the attitude enters through ⟨V̄, A⟩ alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Insertion {
+    /// What any attitude gives, per s.
+    constant: f64,
+    /// V̄.
+    v_adjoint: DriftMatrix,
+}
+
+impl Insertion {
+    fn new(
+        model: &CovarianceModel,
+        state: &State,
+        rest: &Rest,
+        information_adjoint: &CoefficientMatrix,
+    ) -> Self {
+        let State { v, p } = state;
+        let t = rest.psi * v + rest.drift;
+        let w = whitener(&(rest.psi * square_root(p)));
+        let s_inv_t = w.transpose() * (w * t);
+        let s_inv_t_e = s_inv_t * information_adjoint;
+        let v_adjoint = rest.psi.transpose() * s_inv_t_e * 2.0;
+        let p_adjoint = -(rest.psi.transpose() * (s_inv_t_e * s_inv_t.transpose()) * rest.psi);
+        let weight = 1.0 / (model.period_s * model.noise_variance);
+        let f = model.dynamics.system_matrix();
+        let mut seen = Matrix3::zeros();
+        seen[(NORTH, NORTH)] = weight;
+        seen[(EAST, EAST)] = weight;
+        let gain = p * seen;
+        let fp = f * p;
+        let v_rate = f * v - gain * v;
+        let p_rate = fp + fp.transpose() + Matrix3::identity() * model.drift_psd - gain * p;
+        let through_e = (seen * v * information_adjoint).dot(v);
+        Self {
+            constant: v_adjoint.dot(&v_rate) + p_adjoint.dot(&p_rate) + through_e,
+            v_adjoint,
+        }
+    }
+
+    /// The derivative at an attitude with drift matrix A, per s.
+    pub fn at(&self, drift_matrix: &DriftMatrix) -> f64 {
+        self.constant + self.v_adjoint.dot(drift_matrix)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Position;
+    use crate::covariance::chain::NoRecord;
+    use crate::covariance::covariance_from_information;
+    use crate::criterion::{Criterion, Smoothing};
+    use crate::drift::drift_matrix;
+    use crate::motion::Timeline;
+    use crate::platform::{Platform, PlatformConfig, Repositioning};
+    use crate::schedule::ScheduledPosition;
+
+    /// Platforms with every kind of step, and a schedule of uneven dwells.
+    fn platforms() -> Vec<Platform> {
+        let changes: [fn(&mut PlatformConfig); 6] = [
+            |_| {},
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.settle_s = 13.0;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(1.0);
+                c.motion.measure_moves = true;
+            },
+            |c| c.motion.repositioning = Repositioning::FrameHold,
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(2.0);
+                c.motion.start_deg = Some([0.0; 3]);
+                c.motion.return_to_start = true;
+            },
+            |c| {
+                c.site.latitude_deg = 90.0;
+                c.gyro.random_drift_deg_per_h = Some(0.0);
+            },
+        ];
+        changes
+            .map(|change| {
+                let mut config = PlatformConfig::default();
+                change(&mut config);
+                config.check().unwrap()
+            })
+            .to_vec()
+    }
+
+    fn positions() -> Vec<ScheduledPosition> {
+        (0..7)
+            .map(|k| {
+                let k = f64::from(k);
+                let angles = [1.3 * k - 2.0, (0.9 * k).sin() * 2.0, 1.0 - 0.7 * k * k];
+                ScheduledPosition::new(Position::from_array(angles), 130.0 + 37.0 * k)
+            })
+            .collect()
+    }
+
+    fn timeline(platform: &Platform, positions: &[ScheduledPosition]) -> Timeline {
+        Timeline::unchecked(platform, positions.iter().copied())
+    }
+
+    fn information(
+        model: &CovarianceModel,
+        timeline: &Timeline,
+        rule: TickRule,
+    ) -> CoefficientMatrix {
+        let mut gram = Gram(CoefficientMatrix::zeros());
+        model.run(timeline, rule, &mut gram, &mut NoRecord);
+        gram.0
+    }
+
+    #[track_caller]
+    fn assert_same(found: &CoefficientMatrix, expected: &CoefficientMatrix) {
+        let error = (found - expected).amax() / expected.amax();
+        assert!(error < 1e-11, "{error:e}");
+    }
+
+    #[test]
+    fn changing_a_position_gives_what_the_whole_run_gives() {
+        for platform in platforms() {
+            let model = CovarianceModel::new(&platform);
+            for rule in [TickRule::Filter, TickRule::Relaxed] {
+                let before = timeline(&platform, &positions());
+                let cuts = Cuts::new(&model, &before, rule);
+                assert_same(&cuts.information(), &information(&model, &before, rule));
+                let offset = before.positions().start;
+                for k in 0..positions().len() {
+                    let changed =
+                        ScheduledPosition::new(Position::from_deg(33.0, -50.0, 120.0), 211.0);
+                    // Exchanged, removed, inserted.
+                    let mut exchanged = positions();
+                    exchanged[k] = changed;
+                    let mut removed = positions();
+                    removed.remove(k);
+                    let mut inserted = positions();
+                    inserted.insert(k, changed);
+                    for (after, replaced, new) in [
+                        (exchanged, k..k + 1, 1),
+                        (removed, k..k + 1, 0),
+                        (inserted, k..k, 1),
+                    ] {
+                        let after = timeline(&platform, &after);
+                        let first = offset + k;
+                        let next = after.legs().get(first + new);
+                        let found = cuts.with(
+                            replaced.start + offset..replaced.end + offset,
+                            &after.legs()[first..first + new],
+                            next,
+                        );
+                        assert_same(&found, &information(&model, &after, rule));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn insertion_is_the_derivative_with_respect_to_time_spent() {
+        for platform in platforms() {
+            // A dwell in frame-hold turns ψ about, however short.
+            if platform.motion().repositioning == Repositioning::FrameHold {
+                continue;
+            }
+            let model = CovarianceModel::new(&platform);
+            let before = timeline(&platform, &positions());
+            let rule = TickRule::Relaxed;
+            let merit = |e: &CoefficientMatrix| {
+                let p = covariance_from_information(e, &model.prior_sigma).unwrap();
+                let criterion = Criterion::rms();
+                let (value, slope) = criterion.log_with_gradient(&p, Smoothing::Exact).unwrap();
+                (value, -(p * slope * p))
+            };
+            let cuts = Cuts::new(&model, &before, rule);
+            let (_, adjoint) = merit(&cuts.information());
+            let offset = before.positions().start;
+            for k in 0..=positions().len() {
+                let position = Position::from_deg(33.0, -50.0, 120.0);
+                let insertion = cuts.insertion(offset + k, &adjoint);
+                let exact = insertion.at(&drift_matrix(&position.attitude()));
+                // The dwell alone, at the cut, without moves there and back.
+                let value = |dwell_s: f64| {
+                    let state = match cuts.before_dwell.get(offset + k) {
+                        Some(before) => *before,
+                        None => cuts.after_dwell[offset + k - 1],
+                    };
+                    let mut gram = Gram(state.1);
+                    let held = ScheduledPosition::new(position, dwell_s);
+                    let legs = timeline(&platform, &[held]);
+                    let leg = legs.position_legs()[0];
+                    let after = model.dwell(state.0, &leg, rule, &mut gram);
+                    let rest = cuts.rest.get(offset + k).copied();
+                    let rest = rest.unwrap_or_else(Rest::nothing);
+                    merit(&rest.joined(&after, &gram.0)).0
+                };
+                let h = 0.03;
+                let numeric =
+                    (4.0 * (value(h) - value(0.0)) - (value(2.0 * h) - value(0.0))) / (2.0 * h);
+                let scale = exact.abs().max(1e-4);
+                assert!(
+                    (numeric - exact).abs() < 1e-4 * scale,
+                    "{k}: {numeric:e} {exact:e}"
+                );
+            }
+        }
+    }
+}

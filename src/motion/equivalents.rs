@@ -1,0 +1,276 @@
+//! The Euler triples of one attitude, and the ones that make a sequence of positions quickest.
+//!
+//! (α, β, γ) and (α + 180°, 180° − β, γ + 180°) are the same attitude, whole turns make no
+//! difference, and at β = ±90° only α ∓ γ counts. Which of them the gimbals take decides how far
+//! they have to turn from one position to the next.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use super::gimbal_change;
+use crate::attitude::{Position, wrap_half_turn};
+use crate::platform::Platform;
+
+/// Whole turns that a limited axis is tried at, beside the angle given.
+const TURNS: [f64; 3] = [0.0, 1.0, -1.0];
+/// β this close to ±90° is gimbal lock, rad.
+const LOCK_RAD: f64 = 1e-9;
+
+/// The triples of the attitude of `position` that the platform can take, the position itself
+/// first if it is one of them. On limited axes angles up to one turn away are tried, or the
+/// lowest within the range; at β = ±90° four values of α.
+///
+/// ```
+/// use scheme_opt::attitude::Position;
+/// use scheme_opt::motion::equivalent_positions;
+/// use scheme_opt::platform::PlatformConfig;
+/// let platform = PlatformConfig::default().check()?;
+/// let all = equivalent_positions(&platform, Position::from_deg(10.0, 20.0, 30.0));
+/// assert_eq!(all.len(), 2);
+/// assert!((all[1].to_deg()[1] - 160.0).abs() < 1e-9);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+pub fn equivalent_positions(platform: &Platform, position: Position) -> Vec<Position> {
+    let mut all: Vec<Position> = Vec::new();
+    for [a, b, g] in with_lock(position) {
+        for triple in [[a, b, g], [a + PI, PI - b, g + PI]] {
+            let axes = [0, 1, 2].map(|axis| settings(platform, axis, triple[axis]));
+            for &a in &axes[0] {
+                for &b in &axes[1] {
+                    for &g in &axes[2] {
+                        let found = Position::from_rad(a, b, g);
+                        if all.iter().all(|known| differs(*known, found)) {
+                            all.push(found);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    all
+}
+
+fn differs(a: Position, b: Position) -> bool {
+    let pairs = a.to_array().into_iter().zip(b.to_array());
+    pairs.into_iter().any(|(a, b)| (a - b).abs() > 1e-12)
+}
+
+/// The triple itself and, in gimbal lock, others of the same attitude. From (19) at β = ±90°,
+/// C depends on α ∓ γ alone.
+fn with_lock(position: Position) -> Vec<[f64; 3]> {
+    let [a, b, g] = position.to_array();
+    let mut triples = vec![[a, b, g]];
+    let beta = wrap_half_turn(b);
+    if (beta.abs() - FRAC_PI_2).abs() < LOCK_RAD {
+        let sign = beta.signum();
+        for alpha in [0.0, FRAC_PI_2, PI, -FRAC_PI_2] {
+            triples.push([alpha, b, g + sign * (alpha - a)]);
+        }
+    }
+    triples
+}
+
+/// The angles of an axis that are the same direction as `angle` and can be set.
+fn settings(platform: &Platform, axis: usize, angle: f64) -> Vec<f64> {
+    let allowed = |angle: &f64| platform.gimbals().refusal(axis, *angle).is_none();
+    let Some(range) = platform.gimbals().ranges[axis] else {
+        return vec![wrap_half_turn(angle)]
+            .into_iter()
+            .filter(allowed)
+            .collect();
+    };
+    let near: Vec<f64> = TURNS
+        .map(|turn| angle + TAU * turn)
+        .into_iter()
+        .filter(allowed)
+        .collect();
+    if !near.is_empty() {
+        return near;
+    }
+    let lowest = angle + TAU * ((range.low_rad - angle) / TAU).ceil();
+    vec![lowest].into_iter().filter(allowed).collect()
+}
+
+/// The same attitudes in the same order by the triples that take the gimbals least time, start
+/// and return of the platform included; the first of equally quick ones. Positions that the
+/// platform cannot take stay as they are.
+///
+/// Dynamic programming over the triples of each position.
+pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Position> {
+    if positions.is_empty() || platform.motion().slew_rate_rad_per_s.is_none() {
+        return positions.to_vec();
+    }
+    let options: Vec<Vec<Position>> = positions
+        .iter()
+        .map(|p| {
+            let all = equivalent_positions(platform, *p);
+            if all.is_empty() { vec![*p] } else { all }
+        })
+        .collect();
+    let start = platform.motion().start;
+    let back = platform.motion().return_to_start;
+    match (start, back) {
+        // A return to the first position: each of its triples is a problem of its own.
+        (None, true) => {
+            let ways = options[0].iter().map(|first| {
+                let fixed = [&[vec![*first]], &options[1..]].concat();
+                quickest(platform, &fixed, None, Some(*first))
+            });
+            let best = ways.reduce(|best, way| if way.0 < best.0 { way } else { best });
+            best.map_or_else(|| positions.to_vec(), |(_, way)| way)
+        }
+        _ => quickest(platform, &options, start, start.filter(|_| back)).1,
+    }
+}
+
+/// Angle that the slowest axis turns, rad.
+fn distance(platform: &Platform, from: Position, to: Position) -> f64 {
+    let change = gimbal_change(platform, from, to);
+    change.iter().fold(0.0_f64, |max, c| max.max(c.abs()))
+}
+
+/// The cheapest way through one option each, with its cost, rad.
+fn quickest(
+    platform: &Platform,
+    options: &[Vec<Position>],
+    start: Option<Position>,
+    back: Option<Position>,
+) -> (f64, Vec<Position>) {
+    let mut cost: Vec<f64> = options[0]
+        .iter()
+        .map(|p| start.map_or(0.0, |s| distance(platform, s, *p)))
+        .collect();
+    let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(options.len());
+    for pair in options.windows(2) {
+        let mut next = Vec::with_capacity(pair[1].len());
+        let mut from = Vec::with_capacity(pair[1].len());
+        for p in &pair[1] {
+            let ways = pair[0].iter().zip(&cost).enumerate();
+            let ways = ways.map(|(i, (before, cost))| (cost + distance(platform, *before, *p), i));
+            let (least, i) = cheapest(ways);
+            next.push(least);
+            from.push(i);
+        }
+        cost = next;
+        came_from.push(from);
+    }
+    let last = &options[options.len() - 1];
+    let ends = last.iter().zip(&cost).enumerate().map(|(i, (p, cost))| {
+        let home = back.map_or(0.0, |b| distance(platform, *p, b));
+        (cost + home, i)
+    });
+    let (total, mut chosen) = cheapest(ends);
+    let mut way = vec![last[chosen]];
+    for (from, before) in came_from.iter().zip(options).rev() {
+        chosen = from[chosen];
+        way.push(before[chosen]);
+    }
+    way.reverse();
+    (total, way)
+}
+
+/// The least cost and its index; the first but for rounding.
+fn cheapest(ways: impl Iterator<Item = (f64, usize)>) -> (f64, usize) {
+    ways.fold((f64::INFINITY, 0), |best, way| {
+        if way.0 < best.0 - 1e-12 { way } else { best }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::PlatformConfig;
+
+    fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
+        let mut config = PlatformConfig::default();
+        config.motion.slew_rate_deg_per_s = Some(1.0);
+        change(&mut config);
+        config.check().unwrap()
+    }
+
+    #[test]
+    fn all_triples_are_the_same_attitude_and_allowed() {
+        let limited = platform(|c| {
+            c.gimbals.alpha_deg = Some([-300.0, 300.0]);
+            c.gimbals.beta_deg = Some([-100.0, 100.0]);
+        });
+        for angles in [
+            [10.0, 20.0, 30.0],
+            [170.0, -80.0, -150.0],
+            [40.0, 90.0, 10.0],
+            [40.0, -90.0, 10.0],
+            [200.0, 260.0, 10.0],
+        ] {
+            let p = Position::from_deg(angles[0], angles[1], angles[2]);
+            for platform in [&platform(|_| {}), &limited] {
+                let all = equivalent_positions(platform, p);
+                assert!(!all.is_empty(), "{angles:?}");
+                for found in all {
+                    let difference = found.attitude().matrix() - p.attitude().matrix();
+                    assert!(difference.amax() < 1e-12, "{angles:?} {found:?}");
+                    for (axis, angle) in found.to_array().into_iter().enumerate() {
+                        assert_eq!(platform.gimbals().refusal(axis, angle), None);
+                    }
+                }
+            }
+        }
+        // α at two turns, β one way only.
+        let p = Position::from_deg(100.0, 20.0, 30.0);
+        assert_eq!(equivalent_positions(&limited, p).len(), 2);
+        let narrow = platform(|c| c.gimbals.alpha_deg = Some([40.0, 50.0]));
+        assert!(equivalent_positions(&narrow, p).is_empty());
+        let table = platform(|c| c.gimbals.step_deg = Some(40.0));
+        let on_table = Position::from_deg(40.0, 80.0, 120.0);
+        assert_eq!(equivalent_positions(&table, on_table).len(), 1);
+    }
+
+    #[test]
+    fn the_quickest_way_is_that_of_trying_all() {
+        for (start_deg, return_to_start) in
+            [(None, false), (None, true), (Some([5.0, 0.0, 90.0]), true)]
+        {
+            let platform = platform(|c| {
+                c.motion.start_deg = start_deg;
+                c.motion.return_to_start = return_to_start;
+                c.gimbals.gamma_deg = Some([-270.0, 270.0]);
+            });
+            let positions = [
+                [10.0, 70.0, -160.0],
+                [170.0, 100.0, 20.0],
+                [-60.0, 85.0, 200.0],
+                [120.0, -95.0, -20.0],
+            ]
+            .map(|a| Position::from_deg(a[0], a[1], a[2]));
+            let length = |way: &[Position]| {
+                let mut stops = way.to_vec();
+                let home = platform.motion().start;
+                if return_to_start {
+                    stops.push(home.unwrap_or(way[0]));
+                }
+                if let Some(home) = home {
+                    stops.insert(0, home);
+                }
+                let moves = stops.windows(2).map(|w| distance(&platform, w[0], w[1]));
+                moves.sum::<f64>()
+            };
+            let mut ways: Vec<Vec<Position>> = vec![Vec::new()];
+            for p in positions {
+                let options = equivalent_positions(&platform, p);
+                ways = ways
+                    .iter()
+                    .flat_map(|w| options.iter().map(|o| [w.as_slice(), &[*o]].concat()))
+                    .collect();
+            }
+            let least = ways.iter().map(|w| length(w)).fold(f64::INFINITY, f64::min);
+            let found = quickest_positions(&platform, &positions);
+            assert!((length(&found) - least).abs() < 1e-9);
+            assert!(least < length(&positions) - 0.1);
+        }
+    }
+
+    #[test]
+    fn without_a_slew_rate_nothing_changes() {
+        let free = PlatformConfig::default().check().unwrap();
+        let positions = [Position::from_deg(0.0, 170.0, 0.0)];
+        assert_eq!(quickest_positions(&free, &positions), positions);
+    }
+}

@@ -1,0 +1,162 @@
+//! Improvement of a plan beyond what its gradient sees: order, insertions, kicks.
+//!
+//! A refined plan is the best of its basin. What lies beyond is proposed in batches, each
+//! proposal refined for a while, and the best taken if it is better than the plan:
+//!
+//! - **order** ([`super::order`]): the reversals and displacements of segments that the true
+//!   evaluator likes best, slew time and information together;
+//! - **insertion** ([`super::insert`]): positions where the exact directional derivative over the
+//!   attitude set promises most; at the most positions allowed, in exchange for the one that
+//!   pays least;
+//! - **kicks**: a position replaced, segments reversed or moved at random, all angles jittered.
+//!
+//! When a proposal wins, the lists are made anew; when several batches in a row win nothing, the
+//! plan is done. A plan with more positions has to be better by the position tolerance for each.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::insert::insertions;
+use super::order::{moved, neighbours, reversed, with_quickest_positions};
+use super::pipeline::Context;
+use super::propose::random_position;
+use super::refine::Refined;
+use super::variables::Plan;
+use super::workshop::Workshop;
+use crate::criterion::Smoothing;
+
+/// Batches that may win nothing before a plan is done.
+const PATIENCE: usize = 3;
+/// Most batches of one plan.
+const MOST_BATCHES: usize = 60;
+/// Proposals of each kind in a batch.
+const ORDERS: usize = 3;
+const INSERTIONS: usize = 3;
+const KICKS: usize = 6;
+/// A proposal has to gain this much.
+const GAIN: f64 = 2e-5;
+/// Random streams of the kicks begin here, those of the starts end before.
+const FIRST_STREAM: u64 = 1 << 40;
+
+/// The plan that proposals lead to from `best`; `stream` tells the random streams of several
+/// plans apart.
+pub(super) fn improve(
+    context: Context<'_>,
+    workshop: &impl Workshop,
+    smoothing: Smoothing,
+    mut best: Refined,
+    stream: u64,
+) -> Refined {
+    let mut random = ChaCha8Rng::seed_from_u64(context.problem.seed);
+    random.set_stream(FIRST_STREAM + stream);
+    let mut ideas = Ideas::of(context, smoothing, &best.plan);
+    let mut idle = 0;
+    for _ in 0..MOST_BATCHES {
+        if idle >= PATIENCE || context.must_stop() {
+            break;
+        }
+        let batch = ideas.batch(context, &best.plan, &mut random);
+        let tried: Vec<Option<Refined>> = batch
+            .into_par_iter()
+            .map(|plan| workshop.try_out(context, &workshop.admit(context, plan), smoothing))
+            .collect();
+        let charged = |r: &Refined| charged(context, r);
+        let winner = tried
+            .into_iter()
+            .flatten()
+            .reduce(|best, r| {
+                if charged(&r) < charged(&best) {
+                    r
+                } else {
+                    best
+                }
+            })
+            .filter(|r| charged(r) < charged(&best) - GAIN);
+        match winner {
+            Some(winner) => {
+                best = workshop.work_out(context, winner, smoothing);
+                ideas = Ideas::of(context, smoothing, &best.plan);
+                idle = 0;
+            }
+            None => idle += 1,
+        }
+    }
+    best
+}
+
+/// The merit and what the positions cost.
+fn charged(context: Context<'_>, refined: &Refined) -> f64 {
+    let count = refined.plan.angles.len() as f64;
+    refined.merit + context.problem.position_tolerance * count
+}
+
+/// Proposals not tried yet, the most promising last.
+struct Ideas {
+    orders: Vec<Plan>,
+    insertions: Vec<Plan>,
+}
+
+impl Ideas {
+    fn of(context: Context<'_>, smoothing: Smoothing, plan: &Plan) -> Self {
+        let most = PATIENCE * ORDERS.max(INSERTIONS);
+        let mut ideas = Self {
+            orders: neighbours(context, smoothing, plan, most),
+            insertions: insertions(context, smoothing, plan, most),
+        };
+        ideas.orders.reverse();
+        ideas.insertions.reverse();
+        ideas
+    }
+
+    /// The next proposals: as many of each kind as there are, and kicks.
+    fn batch(&mut self, context: Context<'_>, plan: &Plan, random: &mut ChaCha8Rng) -> Vec<Plan> {
+        let mut batch = Vec::with_capacity(ORDERS + INSERTIONS + KICKS);
+        let take =
+            |list: &mut Vec<Plan>, count: usize| list.split_off(list.len().saturating_sub(count));
+        batch.extend(take(&mut self.orders, ORDERS));
+        batch.extend(take(&mut self.insertions, INSERTIONS));
+        batch.extend((0..KICKS).map(|kind| kick(context, plan, kind, random)));
+        batch
+    }
+}
+
+/// A random change of `plan`.
+fn kick(context: Context<'_>, plan: &Plan, kind: usize, random: &mut ChaCha8Rng) -> Plan {
+    let platform = context.evaluator.platform();
+    let count = plan.angles.len();
+    let mut kicked = plan.clone();
+    match kind {
+        0 | 1 => {
+            for _ in 0..=kind {
+                let k = random.random_range(0..count);
+                kicked.angles[k] = random_position(platform, random).to_array();
+            }
+        }
+        2 => {
+            let (i, j) = (random.random_range(0..count), random.random_range(0..count));
+            kicked = reversed(plan, i.min(j), i.max(j));
+            let k = random.random_range(0..count);
+            kicked.angles[k] = random_position(platform, random).to_array();
+        }
+        3 => {
+            let length = random.random_range(1..=count.div_ceil(2));
+            let from = random.random_range(0..=count - length);
+            let to = random.random_range(0..=count - length);
+            kicked = moved(plan, from, length, to);
+        }
+        _ => {
+            let reach = if kind == 4 { 0.25 } else { 0.8 };
+            for angles in &mut kicked.angles {
+                for (axis, angle) in angles.iter_mut().enumerate() {
+                    let jittered = *angle + reach * random.random_range(-1.0..1.0);
+                    *angle = match platform.gimbals().ranges[axis] {
+                        Some(r) => jittered.clamp(r.low_rad, r.high_rad),
+                        None => jittered,
+                    };
+                }
+            }
+        }
+    }
+    with_quickest_positions(context, kicked)
+}

@@ -1,0 +1,163 @@
+//! The order of positions: reversals and displacements of segments, and the quickest triples.
+//!
+//! Order counts twice. Moves take time, the less the nearer the next position; and what a
+//! position tells depends on what was known before, through ψ^n and its covariance. So every
+//! change is scored by the true evaluator, the time its moves save given to the dwells.
+
+use rand::SeedableRng;
+use rand::seq::IndexedRandom;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::pipeline::{Context, rate};
+use super::variables::Plan;
+use crate::attitude::Position;
+use crate::criterion::Smoothing;
+use crate::motion::quickest_positions;
+
+/// Longest segment that is displaced.
+const LONGEST_SEGMENT: usize = 3;
+/// More changes than this are not tried at once; a random choice of them is.
+const MOST_CHANGES: usize = 2_000;
+
+/// A change of order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Change {
+    /// Positions `from..=to` the other way round (2-opt).
+    Reverse { from: usize, to: usize },
+    /// `length` positions from `from` on, put before what then is position `to` (or-opt).
+    Move {
+        from: usize,
+        length: usize,
+        to: usize,
+    },
+}
+
+/// The plan with positions `from..=to` the other way round.
+pub(super) fn reversed(plan: &Plan, from: usize, to: usize) -> Plan {
+    let mut changed = plan.clone();
+    changed.angles[from..=to].reverse();
+    changed.dwell_s[from..=to].reverse();
+    changed
+}
+
+/// The plan with `length` positions taken out at `from` and put back before what then is
+/// position `to`.
+pub(super) fn moved(plan: &Plan, from: usize, length: usize, to: usize) -> Plan {
+    let mut changed = plan.clone();
+    let angles: Vec<_> = changed.angles.drain(from..from + length).collect();
+    let dwells: Vec<_> = changed.dwell_s.drain(from..from + length).collect();
+    changed.angles.splice(to..to, angles);
+    changed.dwell_s.splice(to..to, dwells);
+    changed
+}
+
+/// The same attitudes by the triples that take the gimbals least time.
+pub(super) fn with_quickest_positions(context: Context<'_>, mut plan: Plan) -> Plan {
+    let positions: Vec<Position> = plan
+        .angles
+        .iter()
+        .map(|a| Position::from_array(*a))
+        .collect();
+    let quickest = quickest_positions(context.evaluator.platform(), &positions);
+    plan.angles = quickest.into_iter().map(Position::to_array).collect();
+    plan
+}
+
+fn changes(count: usize) -> Vec<Change> {
+    let mut all = Vec::new();
+    for from in 0..count {
+        for to in from + 1..count {
+            all.push(Change::Reverse { from, to });
+        }
+        for length in 1..=LONGEST_SEGMENT.min(count - from) {
+            for to in 0..=count - length {
+                // Next door is the same as a neighbour's displacement, or a reversal of two.
+                let distance = to.abs_diff(from);
+                if distance > 1 || (distance == 1 && length == 2) {
+                    all.push(Change::Move { from, length, to });
+                }
+            }
+        }
+    }
+    all
+}
+
+/// The `most` best plans that a change of order makes of `plan`, best first, by the merit of the
+/// change alone.
+pub(super) fn neighbours(
+    context: Context<'_>,
+    smoothing: Smoothing,
+    plan: &Plan,
+    most: usize,
+) -> Vec<Plan> {
+    let mut all = changes(plan.angles.len());
+    if all.len() > MOST_CHANGES {
+        let mut random = ChaCha8Rng::seed_from_u64(context.problem.seed);
+        all = all.sample(&mut random, MOST_CHANGES).copied().collect();
+    }
+    let mut rated: Vec<(f64, Plan)> = all
+        .into_par_iter()
+        .filter_map(|change| {
+            if context.must_stop() {
+                return None;
+            }
+            let changed = match change {
+                Change::Reverse { from, to } => reversed(plan, from, to),
+                Change::Move { from, length, to } => moved(plan, from, length, to),
+            };
+            let rated = rate(
+                context,
+                &with_quickest_positions(context, changed),
+                smoothing,
+            )?;
+            Some((rated.merit, rated.plan))
+        })
+        .collect();
+    rated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rated.into_iter().take(most).map(|(_, plan)| plan).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(count: usize) -> Plan {
+        let at = |k: usize| [k as f64, 0.0, 0.0];
+        Plan {
+            angles: (0..count).map(at).collect(),
+            dwell_s: (0..count).map(|k| 100.0 + k as f64).collect(),
+        }
+    }
+
+    fn order(plan: &Plan) -> Vec<usize> {
+        for (angles, dwell) in plan.angles.iter().zip(&plan.dwell_s) {
+            assert_eq!(angles[0] + 100.0, *dwell);
+        }
+        plan.angles.iter().map(|a| a[0] as usize).collect()
+    }
+
+    #[test]
+    fn dwells_go_with_their_positions() {
+        assert_eq!(order(&reversed(&plan(5), 1, 3)), [0, 3, 2, 1, 4]);
+        assert_eq!(order(&moved(&plan(5), 0, 2, 3)), [2, 3, 4, 0, 1]);
+        assert_eq!(order(&moved(&plan(5), 3, 2, 0)), [3, 4, 0, 1, 2]);
+        assert_eq!(order(&moved(&plan(5), 3, 1, 1)), [0, 3, 1, 2, 4]);
+    }
+
+    #[test]
+    fn every_change_is_another_order() {
+        let plan = plan(7);
+        for change in changes(7) {
+            let changed = match change {
+                Change::Reverse { from, to } => reversed(&plan, from, to),
+                Change::Move { from, length, to } => moved(&plan, from, length, to),
+            };
+            let mut sorted = order(&changed);
+            assert_ne!(sorted, order(&plan));
+            sorted.sort_unstable();
+            assert_eq!(sorted, order(&plan));
+        }
+        assert!(changes(1).is_empty());
+    }
+}
