@@ -53,6 +53,7 @@ pub mod attitude;
 pub mod baseline;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod compare;
 pub mod covariance;
 pub mod criterion;
 pub mod drift;

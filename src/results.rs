@@ -8,6 +8,7 @@
 //! Fields may be added within a major version; none is renamed or dropped.
 
 mod analysis;
+mod comparison;
 mod layout;
 mod simulation;
 
@@ -33,6 +34,9 @@ pub use analysis::{
     WeakRecord,
 };
 
+pub use comparison::{
+    COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
+};
 pub use simulation::{
     SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment, SimulatedPosition,
     SimulationDocument, SweepRecord,

@@ -21,7 +21,7 @@ mod finish;
 pub mod front;
 mod improve;
 mod insert;
-mod order;
+pub mod order;
 mod pipeline;
 mod progress;
 pub mod propose;
@@ -54,8 +54,8 @@ pub struct SearchProblem {
     pub seed: u64,
     /// A position is dropped when the score gets worse by less than this without it.
     pub position_tolerance: f64,
-    /// Whether the platform may turn slowly while it measures (in mode
-    /// `accuracy`): each position then is a measured continuous move.
+    /// Whether the platform may turn slowly while it measures: each position then is a measured
+    /// continuous move.
     pub allow_tumbling: bool,
 }
 

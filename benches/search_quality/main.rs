@@ -24,21 +24,25 @@ use std::time::Instant;
 
 use competitors::Competitor;
 use problems::Problem;
-use scheme_opt::search::{Control, SearchOutcome, search};
+use scheme_opt::search::{Control, Counters, SearchOutcome, search};
 
-const SEEDS: std::ops::RangeInclusive<u64> = 1..=5;
+const SEEDS: u64 = 5;
 /// How much more time than the search the other optimisers get.
 const MORE_TIME: f64 = 10.0;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let against = arguments.iter().any(|a| a == "--against");
+    let seeds = arguments
+        .iter()
+        .find_map(|a| a.strip_prefix("--seeds=")?.parse().ok())
+        .unwrap_or(SEEDS);
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let problems: Vec<Problem> = problems::all()
         .into_iter()
         .filter(|p| wanted.is_empty() || wanted.iter().any(|w| *w == p.name))
         .collect();
-    search_table(&problems);
+    search_table(&problems, seeds);
     if against {
         against_table(&problems);
     }
@@ -54,11 +58,14 @@ fn run(problem: &Problem, seed: u64) -> (SearchOutcome, f64) {
 }
 
 /// The search over seeds.
-fn search_table(problems: &[Problem]) {
-    println!("| problem | conditions | best known | best | median | worst | positions | s |");
-    println!("|---|---|---|---|---|---|---|---|");
+fn search_table(problems: &[Problem], seeds: u64) {
+    println!(
+        "| problem | conditions | best known | best | median | worst | positions | values | \
+         gradients | s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for problem in problems {
-        let runs: Vec<_> = SEEDS.map(|seed| run(problem, seed)).collect();
+        let runs: Vec<_> = (1..=seeds).map(|seed| run(problem, seed)).collect();
         let mut values: Vec<f64> = runs
             .iter()
             .map(|r| r.0.evaluation.score.criterion)
@@ -68,8 +75,12 @@ fn search_table(problems: &[Problem]) {
         let excess = |v: f64| format!("+{:.2} %", 100.0 * (v / known - 1.0));
         let wall: f64 = runs.iter().map(|r| r.1).sum::<f64>() / runs.len() as f64;
         let count = |r: &(SearchOutcome, f64)| r.0.schedule.positions().len();
+        let work = |part: fn(&Counters) -> u64| {
+            let sum: u64 = runs.iter().map(|r| part(&r.0.counters)).sum();
+            format!("{:.0}k", sum as f64 / 1e3 / runs.len() as f64)
+        };
         println!(
-            "| {} | {} | {known:.4e} | {} | {} | {} | {}–{} | {wall:.1} |",
+            "| {} | {} | {known:.4e} | {} | {} | {} | {}–{} | {} | {} | {wall:.1} |",
             problem.name,
             problem.what,
             excess(values[0]),
@@ -77,6 +88,8 @@ fn search_table(problems: &[Problem]) {
             excess(values[values.len() - 1]),
             runs.iter().map(count).min().unwrap(),
             runs.iter().map(count).max().unwrap(),
+            work(|c| c.evaluations),
+            work(|c| c.gradients),
         );
     }
 }

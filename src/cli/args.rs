@@ -38,6 +38,8 @@ pub(super) enum Command {
     Analyze(AnalyzeArgs),
     /// Play a given schedule through: true platform, filter, consistency over many runs
     Simulate(SimulateArgs),
+    /// Compare schedules, given and built-in, in the same total time
+    Compare(CompareArgs),
     /// Write a commented platform file
     Init(InitArgs),
     /// List the built-in schemes, or write one
@@ -52,6 +54,7 @@ impl Command {
             Self::Evaluate(a) => a.common.messages.quiet,
             Self::Analyze(a) => a.common.messages.quiet,
             Self::Simulate(a) => a.common.messages.quiet,
+            Self::Compare(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
         }
@@ -213,6 +216,29 @@ pub(super) struct SimulateArgs {
     /// Also find out how large a prior misalignment and drift the linearisation bears
     #[arg(long)]
     pub sweep: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `compare`.
+#[derive(Debug, Args)]
+pub(super) struct CompareArgs {
+    /// Schedules: files, JSON or CSV, and built-in schemes as standard:NAME; ratios are to the
+    /// first
+    #[arg(value_name = "SCHEDULE", required_unless_present = "standard")]
+    pub schedules: Vec<String>,
+    /// Every built-in scheme too
+    #[arg(long)]
+    pub standard: bool,
+    /// Each built-in scheme also in its best order
+    #[arg(long)]
+    pub best_order: bool,
+    /// Run given schedules as they are, not scaled to the total time
+    #[arg(long)]
+    pub as_given: bool,
+    /// Platform file; without one, the built-in platform
+    #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }

@@ -55,13 +55,18 @@ pub(super) fn render<const N: usize>(
     columns: [(&str, Align); N],
     rows: Vec<[String; N]>,
 ) -> String {
+    render_rows(&columns, rows.into_iter().map(Vec::from).collect())
+}
+
+/// The same for a number of columns that depends on what there is to show.
+pub(super) fn render_rows(columns: &[(&str, Align)], rows: Vec<Vec<String>>) -> String {
     let mut table = Table::new();
     table
         .load_style(ASCII_MARKDOWN)
         .force_no_tty()
         .set_content_arrangement(ContentArrangement::Dynamic)
         .set_width(WIDTH);
-    table.set_header(columns.map(|(name, _)| name));
+    table.set_header(columns.iter().map(|(name, _)| *name));
     table.add_rows(rows);
     for (i, (_, align)) in columns.iter().enumerate() {
         if let Some(column) = table.column_mut(i)

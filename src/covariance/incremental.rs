@@ -336,7 +336,7 @@ mod tests {
     use crate::criterion::{Criterion, Smoothing};
     use crate::drift::drift_matrix;
     use crate::motion::Timeline;
-    use crate::platform::{Platform, PlatformConfig, Repositioning};
+    use crate::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};
     use crate::schedule::ScheduledPosition;
 
     /// Platforms with every kind of step, and a schedule of uneven dwells.
@@ -365,6 +365,10 @@ mod tests {
         changes
             .map(|change| {
                 let mut config = PlatformConfig::default();
+                // Little more than the tests tell, so that differences keep their digits.
+                config.prior.constant_drift_deg_per_h = AxisValue::All(0.1);
+                config.prior.g_sensitive_drift_deg_per_h_per_g =
+                    GSensitivePrior::All(AxisValue::All(0.1));
                 change(&mut config);
                 config.check().unwrap()
             })

@@ -91,13 +91,20 @@ fn settings(platform: &Platform, axis: usize, angle: f64) -> Vec<f64> {
 }
 
 /// The same attitudes in the same order by the triples that take the gimbals least time, start
-/// and return of the platform included; the first of equally quick ones. Positions that the
-/// platform cannot take stay as they are.
+/// and return of the platform included; the first of equally quick ones, and where moves take no
+/// time the first that can be reached. Positions that the platform cannot take stay as they are.
 ///
 /// Dynamic programming over the triples of each position.
 pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Position> {
-    if positions.is_empty() || platform.motion().slew_rate_rad_per_s.is_none() {
-        return positions.to_vec();
+    if platform.motion().slew_rate_rad_per_s.is_none() {
+        let first = |p: &Position| {
+            let reachable = equivalent_positions(platform, *p).into_iter().next();
+            reachable.unwrap_or(*p)
+        };
+        return positions.iter().map(first).collect();
+    }
+    if positions.is_empty() {
+        return Vec::new();
     }
     let options: Vec<Vec<Position>> = positions
         .iter()

@@ -11,13 +11,15 @@
 //! Schemes that only prescribe directions leave the heading free; it is chosen so that β = 0
 //! and a stand with a limited middle gimbal can run them.
 
+mod rotations;
+
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
 use super::{MAX_DURATION_S, Schedule, ScheduledPosition, text};
 use crate::attitude::{Attitude, EAST, NORTH, Position};
 use crate::error::{Error, Result};
-use crate::motion::Timeline;
+use crate::motion::{Timeline, quickest_positions};
 use crate::platform::Platform;
 
 /// A built-in scheme.
@@ -54,11 +56,21 @@ pub enum StandardScheme {
     /// The 12 vertex directions of the regular icosahedron, (0, ±1, ±φ) and its cyclic
     /// permutations with φ = (1 + √5)/2: the most even spread of 12 directions.
     Icosahedron12,
+    /// The 19 positions of Xie Bo et al. (JCIT 2011): quarter turns about the platform's own
+    /// axes from the level position, y+90 ×3, y−90 ×3, z+90, x+90 ×3, x−90 ×3, z+90 ×2, z−90 ×3.
+    Rotation19,
+    /// The 9 positions of Jia et al. (JCIT 2014), in the same manner: x+90, z+90, y−90, x−90,
+    /// z−90, y+90, x+90, z−90.
+    Rotation9,
+    /// The two-axis sequence of nine steps: y540, z90, x540, z180, x−90, z540, z−90, z180, y90.
+    /// What is held are the ten positions between the turns; a turn of 540° is driven as the
+    /// half turn that ends at the same place.
+    TwoAxis9,
 }
 
 impl StandardScheme {
     /// All schemes, as they are listed.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::Faces6,
         Self::Faces12,
         Self::Axis24,
@@ -67,6 +79,9 @@ impl StandardScheme {
         Self::Cube18,
         Self::Cube26,
         Self::Icosahedron12,
+        Self::Rotation19,
+        Self::Rotation9,
+        Self::TwoAxis9,
     ];
 
     /// The name used on the command line and in documents.
@@ -80,6 +95,9 @@ impl StandardScheme {
             Self::Cube18 => "cube-18",
             Self::Cube26 => "cube-26",
             Self::Icosahedron12 => "icosahedron-12",
+            Self::Rotation19 => "rotation-19",
+            Self::Rotation9 => "rotation-9",
+            Self::TwoAxis9 => "two-axis-9",
         }
     }
 
@@ -94,6 +112,9 @@ impl StandardScheme {
             Self::Cube18 => "faces and edges of the cube",
             Self::Cube26 => "faces, edges and vertices of the cube",
             Self::Icosahedron12 => "vertices of the icosahedron, the most even 12 directions",
+            Self::Rotation19 => "quarter turns about y, x, z (Xie Bo et al., JCIT 2011)",
+            Self::Rotation9 => "quarter turns about x, z, y in turn (Jia et al., JCIT 2014)",
+            Self::TwoAxis9 => "two-axis sequence of nine turns, held in between",
         }
     }
 
@@ -127,11 +148,15 @@ impl StandardScheme {
             Self::Cube18 => [faces(&[0]), edges()].concat(),
             Self::Cube26 => [faces(&[0]), edges(), vertices()].concat(),
             Self::Icosahedron12 => icosahedron(),
+            Self::Rotation19 => rotations::nineteen(),
+            Self::Rotation9 => rotations::nine(),
+            Self::TwoAxis9 => rotations::two_axis(),
         }
     }
 
     /// The scheme as a schedule of `total_time_s` on `platform`: equal dwells that, together
-    /// with the moves and settles between them, add up to the total.
+    /// with the moves and settles between them, add up to the total. Of the Euler triples of each
+    /// attitude those within the gimbals' ranges that are reached quickest are taken.
     ///
     /// # Errors
     ///
@@ -146,7 +171,7 @@ impl StandardScheme {
                 "0 to 1e7",
             ));
         }
-        let positions = self.positions();
+        let positions = quickest_positions(platform, &self.positions());
         let held_for = |dwell_s: f64| {
             let held = positions
                 .iter()
@@ -419,7 +444,9 @@ mod tests {
     #[test]
     fn free_headings_leave_the_middle_gimbal_at_zero() {
         for scheme in StandardScheme::ALL {
-            if scheme != StandardScheme::Axis24 {
+            use StandardScheme as S;
+            let prescribed = [S::Axis24, S::Rotation19, S::Rotation9, S::TwoAxis9];
+            if !prescribed.contains(&scheme) {
                 assert!(scheme.positions().iter().all(|p| p.beta == 0.0));
             }
         }

@@ -9,8 +9,8 @@ use super::workshop::Workshop;
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
-use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Platform;
+use crate::schedule::periods;
 use crate::units::Angle;
 
 /// L-BFGS iterations of a full refinement.
@@ -216,47 +216,14 @@ fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Op
     (total <= total_time_s * (1.0 + 1e-12)).then_some(rounded)
 }
 
-/// Durations to whole filter periods by largest remainder, none shorter than the minimum dwell,
-/// filling `budget_s` but for less than a period.
+/// Durations to whole filter periods, none shorter than the minimum dwell, filling `budget_s`
+/// but for less than a period.
 pub(super) fn whole_periods(
     platform: &Platform,
     duration_s: &[f64],
     budget_s: f64,
 ) -> Option<Vec<f64>> {
-    let period = platform.period_s();
-    let available = (budget_s / period + 1e-9).floor();
-    if !(1.0..=MAX_FILTER_PERIODS).contains(&available) {
-        return None;
-    }
-    let fewest = (platform.motion().min_dwell_s / period - 1e-9)
-        .ceil()
-        .max(1.0);
-    let mut periods: Vec<f64> = duration_s
-        .iter()
-        .map(|d| (d / period).floor().max(fewest))
-        .collect();
-    let mut spare = available - periods.iter().sum::<f64>();
-    // Too many because of the minimum: take from the longest.
-    while spare < 0.0 {
-        let longest = index_of_largest(&periods)?;
-        if periods[longest] <= fewest {
-            return None;
-        }
-        periods[longest] -= 1.0;
-        spare += 1.0;
-    }
-    let mut order: Vec<usize> = (0..periods.len()).collect();
-    let missing = |k: usize| duration_s[k] / period - periods[k];
-    order.sort_by(|&a, &b| missing(b).total_cmp(&missing(a)).then(a.cmp(&b)));
-    // Everyone gets the same whole share, the first in order one more.
-    let share = (spare / periods.len() as f64).floor();
-    let extra = (spare - share * periods.len() as f64) as usize;
-    for (rank, k) in order.into_iter().enumerate() {
-        periods[k] += share + if rank < extra { 1.0 } else { 0.0 };
-    }
-    Some(periods.iter().map(|n| n * period).collect())
-}
-
-fn index_of_largest(values: &[f64]) -> Option<usize> {
-    (0..values.len()).reduce(|best, k| if values[k] > values[best] { k } else { best })
+    let period_s = platform.period_s();
+    let fewest = (platform.shortest_dwell_s() / period_s).round();
+    periods::whole_periods(period_s, fewest, duration_s, budget_s)
 }

@@ -6,8 +6,11 @@
 //! More time is never worse: a plan with every dwell stretched is still a plan, and information
 //! never falls with an added dwell.
 
+use rayon::prelude::*;
+
 use super::finish::finish;
 use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::tumbling::tumble;
 use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
@@ -49,11 +52,11 @@ pub fn front(
     let mut candidates = sweep.forward()?;
     sweep.back(&mut candidates);
     sweep.repair(&mut candidates);
+    let schedules = sweep.schedules(&candidates)?;
     control.report(Phase::Checking, 1, 1, None);
-    let longest = candidates.iter().flatten().last().map(|c| &c.plan);
-    let schedule = longest.ok_or_else(nothing_fits)?.to_schedule()?;
-    let mut outcome = conclude(evaluator, control, &work, schedule)?;
-    outcome.front = feasible_points(evaluator, &candidates)?;
+    let longest = schedules.last().ok_or_else(nothing_fits)?.clone();
+    let mut outcome = conclude(evaluator, control, &work, longest)?;
+    outcome.front = feasible_points(evaluator, schedules)?;
     match outcome.front.last() {
         Some(last) => {
             outcome.schedule = last.schedule.clone();
@@ -65,14 +68,10 @@ pub fn front(
     Ok(outcome)
 }
 
-/// The candidates evaluated, as far as each is feasible and better than every shorter one.
-fn feasible_points(
-    evaluator: &Evaluator,
-    candidates: &[Option<Candidate>],
-) -> Result<Vec<FrontPoint>> {
+/// The schedules evaluated, as far as each is feasible and better than every shorter one.
+fn feasible_points(evaluator: &Evaluator, schedules: Vec<Schedule>) -> Result<Vec<FrontPoint>> {
     let mut front: Vec<FrontPoint> = Vec::new();
-    for candidate in candidates.iter().flatten() {
-        let schedule = candidate.plan.to_schedule()?;
+    for schedule in schedules {
         let evaluation = evaluator.evaluate(&schedule)?;
         let falls = front
             .last()
@@ -165,6 +164,27 @@ impl Sweep<'_> {
             (false, None) => Err(nothing_fits()),
             _ => Ok(found),
         }
+    }
+
+    /// The schedules of the candidates, turning while they measure where that is allowed and
+    /// better.
+    fn schedules(&self, found: &[Option<Candidate>]) -> Result<Vec<Schedule>> {
+        let pairs: Vec<_> = self.problems.iter().zip(found).collect();
+        pairs
+            .into_par_iter()
+            .filter_map(|(problem, candidate)| Some((problem, candidate.as_ref()?)))
+            .map(|(problem, candidate)| {
+                let context = self.context(problem);
+                if problem.allow_tumbling
+                    && !context.must_stop()
+                    && let Some((criterion, turning)) = tumble(context, &candidate.plan)
+                    && criterion < candidate.criterion
+                {
+                    return Ok(turning);
+                }
+                candidate.plan.to_schedule()
+            })
+            .collect()
     }
 
     /// From the longest test back, each shorter one is offered the plan of the longer.

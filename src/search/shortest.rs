@@ -7,6 +7,7 @@
 //! specification holds, judged by the filter's own tick rule.
 
 use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::tumbling::tumble;
 use super::variables::Plan;
 use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
 use crate::covariance::TickRule;
@@ -14,6 +15,7 @@ use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluator, Objective};
+use crate::schedule::Schedule;
 
 /// Steps of the root search.
 const STEPS: usize = 14;
@@ -21,6 +23,8 @@ const STEPS: usize = 14;
 const WIDTH: f64 = 5e-4;
 /// How the ratio falls with the time, for the first guess: σ ∝ T^−1.2.
 const POWER: f64 = 1.2;
+/// Tests that turn tried, each shorter than the last that does.
+const TURNING_STEPS: usize = 6;
 /// How much longer than allowed a test is tried, to say what the specification would need.
 const LONGEST_TRIAL: f64 = 64.0;
 
@@ -64,7 +68,11 @@ pub fn shortest(
     let best = root.narrow(longest)?;
     let plan = root.trim(best.plan);
     control.report(Phase::Checking, 1, 1, None);
-    let mut outcome = conclude(evaluator, control, &work, plan.to_schedule()?)?;
+    let schedule = match root.turning(&plan) {
+        Some(turning) => turning,
+        None => plan.to_schedule()?,
+    };
+    let mut outcome = conclude(evaluator, control, &work, schedule)?;
     if outcome.status == Status::Converged {
         outcome.reason = format!(
             "every coefficient is within its specification after {:.1} s; the largest ratio of \
@@ -168,6 +176,48 @@ impl RootSearch<'_> {
                 _ => return plan,
             }
         }
+    }
+
+    /// A shorter test that turns while it measures, if that is allowed and there is one: the
+    /// plan's time is shortened as long as turning makes up for it.
+    fn turning(&self, plan: &Plan) -> Option<Schedule> {
+        if !self.problem.allow_tumbling {
+            return None;
+        }
+        let platform = self.evaluator.platform();
+        let mut shortest_s = plan.timeline(platform).total_time_s();
+        let mut trial_s = shortest_s;
+        let mut best = None;
+        for _ in 0..TURNING_STEPS {
+            if self.stop() {
+                break;
+            }
+            let problem = SearchProblem {
+                total_time_s: trial_s,
+                ..self.problem.clone()
+            };
+            let context = Context {
+                evaluator: self.evaluator,
+                problem: &problem,
+                control: self.control,
+                work: self.work,
+            };
+            let turned = plan.clone().fitted(platform, trial_s);
+            match turned.and_then(|plan| tumble(context, &plan)) {
+                Some((ratio, schedule)) if ratio <= 1.0 => {
+                    best = Some(schedule);
+                    shortest_s = trial_s;
+                    trial_s *= ratio.powf(1.0 / POWER);
+                }
+                // Half of the way back to what is known to do.
+                _ if best.is_some() => trial_s = 0.5 * (trial_s + shortest_s),
+                _ => break,
+            }
+            if shortest_s - trial_s < platform.period_s {
+                break;
+            }
+        }
+        best
     }
 
     /// The largest ratio of a σ to its specification, by the filter's own tick rule.

@@ -1,0 +1,187 @@
+//! `compare`: schedules side by side in the same total time.
+
+use std::path::Path;
+
+use crate::compare::{Contender, Order, Source, Terms, compare};
+use crate::error::Result;
+use crate::results::{ComparedRecord, ComparisonDocument};
+use crate::schedule::file;
+use crate::schedule::standard::StandardScheme;
+
+use super::Exit;
+use super::args::CompareArgs;
+use super::output::Output;
+use super::table::{self, Align};
+use super::{inputs, report};
+
+/// What a built-in scheme is called on the command line, before its name.
+const PREFIX: &str = "standard:";
+
+/// Runs the command.
+pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
+    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let contenders = contenders(args)?;
+    let evaluator = study.evaluator();
+    let terms = Terms {
+        total_time_s: study.objective().total_time_s,
+        scale: !args.as_given,
+        best_order: args.best_order,
+        seed: study.search().seed,
+    };
+    let pool = inputs::thread_pool(&study)?;
+    let compared = pool.install(|| compare(&evaluator, &contenders, &terms));
+    let document = ComparisonDocument::new(&compared, &terms, evaluator.objective(), &inputs);
+    let text = match args.common.json {
+        true => document.to_json()?,
+        false => text(&document),
+    };
+    output.data(&text)?;
+    Ok(match document.schedules.is_empty() {
+        true => Exit::NoSchedule,
+        false => Exit::Done,
+    })
+}
+
+fn contenders(args: &CompareArgs) -> Result<Vec<Contender>> {
+    let standard = |scheme: StandardScheme| Contender {
+        name: format!("{PREFIX}{}", scheme.name()),
+        source: Source::Standard(scheme),
+    };
+    let mut all = Vec::new();
+    for name in &args.schedules {
+        all.push(match name.strip_prefix(PREFIX) {
+            Some(scheme) => standard(StandardScheme::from_name(scheme)?),
+            None => Contender {
+                name: name.clone(),
+                source: Source::Given(file::read(Path::new(name))?),
+            },
+        });
+    }
+    if args.standard {
+        for contender in StandardScheme::ALL.map(standard) {
+            if !all.contains(&contender) {
+                all.push(contender);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The comparison for people.
+fn text(document: &ComparisonDocument) -> String {
+    let mut text = String::new();
+    if !document.schedules.is_empty() {
+        text.push_str(&match document.total_time_s {
+            Some(s) => format!(
+                "Schedules in {} s, ratios to the first\n\n",
+                table::seconds(s)
+            ),
+            None => "Schedules as they are, ratios to the first\n\n".to_owned(),
+        });
+        text.push_str(&overview(document));
+        text.push_str(
+            "\nCoefficients after the test, 1 sigma, 1e-3 deg/h (D_I, D_O, D_S per g)\n\n",
+        );
+        text.push_str(&coefficients(document));
+        if document
+            .schedules
+            .iter()
+            .any(|s| s.order == Order::Best.name())
+        {
+            text.push_str("\n* the same positions in the best order found\n");
+        }
+    }
+    for skipped in &document.skipped {
+        text.push_str(&report::wrap(&format!(
+            "{}: not run, {}",
+            label(&skipped.name, &skipped.order),
+            skipped.reason
+        )));
+    }
+    text
+}
+
+/// Name and order, short enough for a table: files without their directory.
+fn label(name: &str, order: &str) -> String {
+    let file = || Path::new(name).file_name().and_then(|f| f.to_str());
+    let short = name.strip_prefix(PREFIX).or_else(file).unwrap_or(name);
+    match order == Order::Best.name() {
+        true => format!("{short} *"),
+        false => short.to_owned(),
+    }
+}
+
+fn overview(document: &ComparisonDocument) -> String {
+    let with_criterion = document.criterion_name != "a";
+    let criterion = format!("{}, {}", document.criterion_name, document.criterion_unit);
+    let has_spec = document
+        .schedules
+        .iter()
+        .any(|s| s.time_to_spec_s.is_some());
+    let mut columns = vec![
+        ("schedule", Align::Left),
+        ("positions", Align::Right),
+        ("moving, s", Align::Right),
+        ("RMS sigma, deg/h", Align::Right),
+        ("ratio", Align::Right),
+    ];
+    if with_criterion {
+        columns.push((&criterion, Align::Right));
+        columns.push(("ratio", Align::Right));
+    }
+    columns.push(("separab.", Align::Right));
+    if has_spec {
+        columns.push(("in spec, s", Align::Right));
+    }
+    let ratio = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}"));
+    let row = |s: &ComparedRecord| {
+        let mut row = vec![
+            label(&s.name, &s.order),
+            s.positions.to_string(),
+            table::seconds(s.overhead_s),
+            table::number(s.rms_sigma_deg_per_h),
+            ratio(s.ratio),
+        ];
+        if with_criterion {
+            row.push(table::number(s.criterion));
+            row.push(ratio(s.criterion_ratio));
+        }
+        row.push(format!("{:.4}", s.least_separability));
+        if has_spec {
+            row.push(
+                s.time_to_spec_s
+                    .map_or_else(|| "missed".to_owned(), table::seconds),
+            );
+        }
+        row
+    };
+    table::render_rows(&columns, document.schedules.iter().map(row).collect())
+}
+
+/// One row per schedule, one column per coefficient: two tables of six, so that they fit.
+fn coefficients(document: &ComparisonDocument) -> String {
+    /// Coefficients of one table.
+    const COLUMNS: usize = 6;
+    let Some(first) = document.schedules.first() else {
+        return String::new();
+    };
+    let mut tables = Vec::new();
+    for from in (0..first.coefficients.len()).step_by(COLUMNS) {
+        let shown = from..(from + COLUMNS).min(first.coefficients.len());
+        let mut columns = vec![("schedule", Align::Left)];
+        columns.extend(
+            first.coefficients[shown.clone()]
+                .iter()
+                .map(|c| (c.name.name(), Align::Right)),
+        );
+        let row = |s: &ComparedRecord| {
+            let mut row = vec![label(&s.name, &s.order)];
+            let sigma = s.coefficients[shown.clone()].iter();
+            row.extend(sigma.map(|c| table::number(1e3 * c.sigma_deg_per_h)));
+            row
+        };
+        let rows = document.schedules.iter().map(row).collect();
+        tables.push(table::render_rows(&columns, rows));
+    }
+    tables.join("\n")
+}

@@ -1,0 +1,219 @@
+//! Comparison of schedules: what each reaches on the same platform in the same time.
+
+use crate::error::{Error, Result};
+use crate::evaluate::{Evaluation, Evaluator};
+use crate::motion::Timeline;
+use crate::schedule::Schedule;
+use crate::schedule::standard::StandardScheme;
+use crate::search::order::best_order;
+
+/// A schedule to compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contender {
+    /// What it is called.
+    pub name: String,
+    /// Where its positions come from.
+    pub source: Source,
+}
+
+/// Where the positions of a schedule come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// Given, with its own dwells.
+    Given(Schedule),
+    /// A built-in scheme, with equal dwells.
+    Standard(StandardScheme),
+}
+
+/// The order in which the positions of a scheme are visited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Order {
+    /// As given.
+    AsGiven,
+    /// The best that 2-opt and or-opt moves find by the true evaluator, from the given order and
+    /// random ones, the dwells equal as before.
+    Best,
+}
+
+impl Order {
+    /// The name used in documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::AsGiven => "as-given",
+            Self::Best => "best",
+        }
+    }
+}
+
+/// How to compare.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Terms {
+    /// Total time of every schedule, moves and settles included, s. Standard schemes are made
+    /// for it.
+    pub total_time_s: f64,
+    /// Whether given schedules are scaled to it.
+    pub scale: bool,
+    /// Whether standard schemes are tried in their best order too.
+    pub best_order: bool,
+    /// Seed of the random orders.
+    pub seed: u64,
+}
+
+/// A schedule compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compared {
+    /// What it is called.
+    pub name: String,
+    /// The order of its positions.
+    pub order: Order,
+    /// The schedule as it was run with its evaluation, or why it cannot be.
+    pub outcome: Result<(Schedule, Evaluation)>,
+}
+
+/// Every contender on the evaluator's platform, in order; a standard scheme in its best order
+/// comes after the scheme itself. Runs on the rayon pool it is called from.
+///
+/// ```
+/// use scheme_opt::compare::{Contender, Source, Terms, compare};
+/// use scheme_opt::evaluate::{Evaluator, Objective};
+/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::schedule::standard::StandardScheme;
+///
+/// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
+/// let contenders = ["faces-6", "icosahedron-12"].map(|name| Contender {
+///     name: name.to_owned(),
+///     source: Source::Standard(StandardScheme::from_name(name).unwrap()),
+/// });
+/// let terms = Terms { total_time_s: 6000.0, scale: true, best_order: false, seed: 1 };
+/// let compared = compare(&evaluator, &contenders, &terms);
+/// let rms = |k: usize| compared[k].outcome.as_ref().unwrap().1.rms_sigma_deg_per_h();
+/// assert!(rms(1) < rms(0));
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+pub fn compare(evaluator: &Evaluator, contenders: &[Contender], terms: &Terms) -> Vec<Compared> {
+    let mut all = Vec::with_capacity(contenders.len());
+    for contender in contenders {
+        let entry = |order: Order, schedule: Result<Schedule>| Compared {
+            name: contender.name.clone(),
+            order,
+            outcome: schedule.and_then(|s| evaluated(evaluator, s)),
+        };
+        match &contender.source {
+            Source::Given(schedule) => {
+                let schedule = match terms.scale {
+                    true => schedule.scaled_to(evaluator.platform(), terms.total_time_s),
+                    false => Ok(schedule.clone()),
+                };
+                all.push(entry(Order::AsGiven, schedule));
+            }
+            Source::Standard(scheme) => {
+                let schedule = of_scheme(evaluator, *scheme, terms);
+                all.push(entry(Order::AsGiven, schedule.clone()));
+                if terms.best_order {
+                    let ordered = schedule.and_then(|s| in_best_order(evaluator, &s, terms));
+                    all.push(entry(Order::Best, ordered));
+                }
+            }
+        }
+    }
+    all
+}
+
+/// The scheme in whole filter periods, no dwell shorter than the shortest.
+fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Result<Schedule> {
+    let platform = evaluator.platform();
+    let schedule = scheme.schedule(terms.total_time_s, platform)?;
+    let least_s = platform.motion().min_dwell_s;
+    let dwell_s = schedule.positions()[0].dwell_s;
+    if dwell_s < least_s * (1.0 - 1e-12) {
+        return Err(Error::infeasible("its equal dwells would be too short")
+            .with_key("dwell_s")
+            .with_value(format!("{dwell_s:.3}"))
+            .with_allowed(format!("at least motion.min_dwell_s = {least_s}")));
+    }
+    schedule.scaled_to(platform, terms.total_time_s)
+}
+
+fn in_best_order(evaluator: &Evaluator, schedule: &Schedule, terms: &Terms) -> Result<Schedule> {
+    best_order(evaluator, schedule, terms.total_time_s, terms.seed)
+        .ok_or_else(|| Error::numerical("no order of it can be rated"))?
+        .scaled_to(evaluator.platform(), terms.total_time_s)
+}
+
+fn evaluated(evaluator: &Evaluator, schedule: Schedule) -> Result<(Schedule, Evaluation)> {
+    // The timeline first: its errors name the position.
+    Timeline::new(evaluator.platform(), &schedule)?;
+    let evaluation = evaluator.evaluate(&schedule)?;
+    Ok((schedule, evaluation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Objective;
+    use crate::platform::PlatformConfig;
+
+    #[test]
+    fn a_better_order_is_the_same_positions_in_the_same_time() {
+        let mut config = PlatformConfig::default();
+        config.motion.slew_rate_deg_per_s = Some(1.0);
+        config.motion.settle_s = 15.0;
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let terms = Terms {
+            total_time_s: 9000.0,
+            scale: true,
+            best_order: true,
+            seed: 1,
+        };
+        let contender = Contender {
+            name: "faces-12".to_owned(),
+            source: Source::Standard(StandardScheme::Faces12),
+        };
+        let compared = compare(&evaluator, &[contender], &terms);
+        let [given, best] = compared.as_slice() else {
+            unreachable!("two entries");
+        };
+        let (given_schedule, given) = given.outcome.as_ref().unwrap();
+        let (best_schedule, best) = best.outcome.as_ref().unwrap();
+        assert!(best.rms_sigma_deg_per_h() < 0.9 * given.rms_sigma_deg_per_h());
+        for evaluation in [given, best] {
+            assert!(evaluation.total_time_s <= 9000.0 + 1e-6);
+            assert!(evaluation.total_time_s > 9000.0 - 10.0);
+        }
+        let same = |a: &crate::schedule::ScheduledPosition| {
+            let here = *a.position.attitude().matrix();
+            let found = best_schedule.positions().iter();
+            found
+                .filter(|b| (b.position.attitude().matrix() - here).amax() < 1e-9)
+                .count()
+        };
+        assert!(given_schedule.positions().iter().all(|p| same(p) == 1));
+    }
+
+    #[test]
+    fn given_schedules_are_scaled_or_left_alone() {
+        let evaluator = Evaluator::new(
+            PlatformConfig::default().check().unwrap(),
+            Objective::default(),
+        );
+        let schedule = StandardScheme::Edges12
+            .schedule(3000.0, evaluator.platform())
+            .unwrap();
+        let contender = Contender {
+            name: "mine".to_owned(),
+            source: Source::Given(schedule),
+        };
+        for (scale, total_s) in [(true, 6000.0), (false, 3000.0)] {
+            let terms = Terms {
+                total_time_s: 6000.0,
+                scale,
+                best_order: true,
+                seed: 1,
+            };
+            let compared = compare(&evaluator, std::slice::from_ref(&contender), &terms);
+            assert_eq!(compared.len(), 1);
+            let evaluation = &compared[0].outcome.as_ref().unwrap().1;
+            assert!((evaluation.total_time_s - total_s).abs() < 1e-6);
+        }
+    }
+}
