@@ -1,6 +1,7 @@
 //! The program as a user runs it: every command, every kind of bad input, every exit code.
 
 mod commands;
+mod comparison;
 mod documents;
 mod refusals;
 

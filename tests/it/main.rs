@@ -9,6 +9,7 @@
 #[cfg(feature = "cli")]
 mod cli;
 mod gradient;
+mod limits;
 mod observability;
 mod physics;
 mod reference;
