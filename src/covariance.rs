@@ -21,6 +21,7 @@ pub mod kernel;
 pub mod reference;
 mod rows;
 mod small;
+mod two_stage;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -31,6 +32,7 @@ use crate::error::{Error, Result};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use kernel::KernelTable;
+use two_stage::information::PriorScale;
 
 /// When the filter measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,6 +74,8 @@ pub struct CovarianceModel {
     pub(crate) prior_psi: Matrix3<f64>,
     /// Prior 1σ of the coefficients, °/h.
     pub(crate) prior_sigma: CoefficientVector,
+    /// The same gyro by gyro.
+    prior_scale: PriorScale,
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
     pub(crate) kernels: KernelTable,
@@ -86,15 +90,17 @@ impl CovarianceModel {
         let prior: Vector3<f64> = platform
             .prior_misalignment_rad
             .map(|rad| Angle::from_rad(rad).arcsec().powi(2));
+        let prior_sigma: CoefficientVector = platform
+            .prior_drift_rad_per_s
+            .map(|v| AngularRate::from_rad_per_s(v).deg_per_h());
         Self {
             dynamics,
             drift_psd,
             noise_variance,
             period_s: platform.period_s,
             prior_psi: Matrix3::from_diagonal(&prior),
-            prior_sigma: platform
-                .prior_drift_rad_per_s
-                .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
+            prior_sigma,
+            prior_scale: PriorScale::new(&prior_sigma),
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
         }

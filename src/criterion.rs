@@ -56,10 +56,20 @@ impl Criterion {
     ///
     /// [`Error::is_numerical`] when P_D is not positive definite where it must be.
     pub fn value(&self, covariance: &CoefficientMatrix) -> Result<f64> {
-        Ok(self
-            .log_with_gradient(covariance, Smoothing::Exact)?
-            .0
-            .exp())
+        Ok(self.log(covariance, Smoothing::Exact)?.exp())
+    }
+
+    /// ln(value), smoothed or not.
+    ///
+    /// # Errors
+    ///
+    /// As [`Criterion::value`].
+    pub fn log(&self, covariance: &CoefficientMatrix, smoothing: Smoothing) -> Result<f64> {
+        match self {
+            // The search's usual criterion: without a matrix for a gradient that nobody wants.
+            Self::A { weights } => Ok(log_weighted_rms(covariance, weights)),
+            _ => Ok(self.log_with_gradient(covariance, smoothing)?.0),
+        }
     }
 
     /// ln(value) and its derivative with respect to P_D, a symmetric matrix G:
@@ -90,10 +100,15 @@ impl Criterion {
 }
 
 /// ln √(Σ w P_ii / Σ w).
+fn log_weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> f64 {
+    0.5 * (p.diagonal().dot(weights) / weights.sum()).ln()
+}
+
+/// ln √(Σ w P_ii / Σ w) and its gradient.
 fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, CoefficientMatrix) {
     let weighted = p.diagonal().dot(weights);
     let gradient = CoefficientMatrix::from_diagonal(&(weights / (2.0 * weighted)));
-    (0.5 * (weighted / weights.sum()).ln(), gradient)
+    (log_weighted_rms(p, weights), gradient)
 }
 
 /// ln det P / 2n over the coefficients that are not known exactly.

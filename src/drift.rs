@@ -134,7 +134,7 @@ impl DriftCoefficient {
 
     /// What g-component, with what sign, multiplies it in ε^c; `None` for the constant drifts.
     /// The rows of the corrected (21) in the module text, read column by column.
-    const fn excitation(self) -> Option<(usize, f64)> {
+    pub(crate) const fn excitation(self) -> Option<(usize, f64)> {
         match self {
             Self::FX | Self::FY | Self::FZ => None,
             Self::IX => Some((0, 1.0)),

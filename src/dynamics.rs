@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorDynamics {
     rate: f64,
+    axis: Vector3<f64>,
     axis_cross: Matrix3<f64>,
     axis_cross_squared: Matrix3<f64>,
 }
@@ -24,6 +25,7 @@ impl ErrorDynamics {
         let axis_cross = axis.cross_matrix();
         Self {
             rate,
+            axis,
             axis_cross,
             axis_cross_squared: axis_cross * axis_cross,
         }
@@ -32,6 +34,11 @@ impl ErrorDynamics {
     /// The Earth rate ω_ie, rad/s.
     pub const fn rate(&self) -> f64 {
         self.rate
+    }
+
+    /// The axis of the Earth's rotation in n, a unit vector.
+    pub(crate) const fn axis(&self) -> &Vector3<f64> {
+        &self.axis
     }
 
     /// F = −[ω_ie^n ×], 1/s.

@@ -240,13 +240,10 @@ impl Evaluator {
     /// The figure of merit of a search: the score, plus a penalty below the minimum
     /// separability, by the fast kernels. Infinite where nothing can be said.
     pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
-        let end = self
+        let covariance = self
             .model
-            .end_covariance_by_gram(timeline, TickRule::Relaxed)?;
-        let (log, _) = self
-            .objective
-            .criterion
-            .log_with_gradient(&end.coefficients, smoothing)?;
+            .coefficients_by_gram(timeline, TickRule::Relaxed)?;
+        let log = self.objective.criterion.log(&covariance, smoothing)?;
         let mut value = self.objective.covariance_weight * log;
         if self.objective.uses_separability() {
             value += match LogSeparability::new(&self.model, timeline) {

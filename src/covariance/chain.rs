@@ -23,9 +23,9 @@ use nalgebra::Matrix3;
 
 use super::rows::Rows;
 use super::small::{condition, square_root, whitener};
-use super::{CovarianceModel, EndCovariance, TickRule, covariance_from_information, split_periods};
+use super::{CovarianceModel, EndCovariance, TickRule, split_periods};
 use crate::attitude::{EAST, NORTH};
-use crate::drift::{CoefficientMatrix, DriftMatrix, drift_matrix, times_drift_matrix};
+use crate::drift::{CoefficientMatrix, DriftMatrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
 
@@ -49,7 +49,8 @@ pub(crate) enum Passage {
     Moving { start_s: f64, last: bool },
 }
 
-/// One step of the chain, as the reverse mode needs it.
+/// One step of the chain.
+#[allow(dead_code, reason = "what a step was is for whoever watches the chain")]
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Step {
     /// `periods` filter periods of the dwell.
@@ -90,7 +91,7 @@ impl InformationSink for Gram {
     }
 }
 
-/// Watches the chain: what a reverse mode has to remember.
+/// Watches the chain.
 pub(crate) trait Recorder {
     /// Whether steps of no length are wanted too (their derivative is not zero).
     const KEEP_EMPTY: bool;
@@ -202,23 +203,6 @@ impl CovarianceModel {
         let mut rows = Rows::new(&self.prior_sigma);
         let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
         Ok(EndCovariance::new(rows.covariance()?, &state))
-    }
-
-    /// The same by the Gram form of the information: several times faster, for searches. What
-    /// the schedule leaves to the prior loses digits where the rest is known much better.
-    ///
-    /// # Errors
-    ///
-    /// As [`CovarianceModel::end_covariance`].
-    pub fn end_covariance_by_gram(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-    ) -> Result<EndCovariance> {
-        let mut gram = Gram(CoefficientMatrix::zeros());
-        let state = self.run(timeline, rule, &mut gram, &mut NoRecord);
-        let coefficients = covariance_from_information(&gram.0, &self.prior_sigma)?;
-        Ok(EndCovariance::new(coefficients, &state))
     }
 }
 
@@ -344,14 +328,4 @@ pub(crate) fn measurement_root(weight: f64) -> Matrix3<f64> {
     h[(NORTH, NORTH)] = weight.sqrt();
     h[(EAST, EAST)] = weight.sqrt();
     h
-}
-
-/// A at the end of a step of `leg`, for the derivative with respect to its length.
-pub(crate) fn drift_matrix_at_end(passage: Passage, leg: &Leg, length_s: f64) -> DriftMatrix {
-    match (passage, &leg.arrival) {
-        (Passage::Moving { start_s, .. }, Some(m)) => {
-            m.drift_matrix_at((start_s + length_s) / m.duration_s)
-        }
-        _ => drift_matrix(&leg.attitude),
-    }
 }

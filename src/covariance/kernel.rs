@@ -32,6 +32,7 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::small::whitener;
+use super::two_stage::DwellNumbers;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::dynamics::ErrorDynamics;
 
@@ -203,7 +204,41 @@ const DOUBLINGS: usize = 33;
 pub struct KernelTable {
     one_period: Element,
     doublings: [OnceLock<Box<Element>>; DOUBLINGS],
-    remembered: Box<[OnceLock<Box<Kernel>>]>,
+    remembered: Box<[OnceLock<Box<Remembered>>]>,
+}
+
+/// A kernel in the table.
+#[derive(Debug)]
+struct Remembered {
+    kernel: Kernel,
+    numbers: DwellNumbers,
+}
+
+impl Remembered {
+    fn new(kernel: Kernel) -> Self {
+        Self {
+            numbers: DwellNumbers::new(&kernel),
+            kernel,
+        }
+    }
+}
+
+/// A kernel from the table, or made for a duration that is not remembered.
+#[derive(Debug)]
+pub(crate) enum LookedUp<'a> {
+    Remembered(&'a DwellNumbers),
+    Made(Box<DwellNumbers>),
+}
+
+impl LookedUp<'_> {
+    /// The kernel.
+    #[inline]
+    pub fn get(&self) -> &DwellNumbers {
+        match self {
+            Self::Remembered(numbers) => numbers,
+            Self::Made(numbers) => numbers,
+        }
+    }
 }
 
 impl KernelTable {
@@ -218,10 +253,25 @@ impl KernelTable {
 
     /// The kernel of a dwell of `periods` filter periods.
     pub fn kernel(&self, periods: usize) -> Kernel {
-        match self.remembered.get(periods) {
-            Some(cell) => **cell.get_or_init(|| Box::new(self.compose(periods))),
+        match self.remember(periods) {
+            Some(remembered) => remembered.kernel,
             None => self.compose(periods),
         }
+    }
+
+    /// The same as the straight-line chain reads it.
+    #[inline]
+    pub(crate) fn numbers(&self, periods: usize) -> LookedUp<'_> {
+        match self.remember(periods) {
+            Some(remembered) => LookedUp::Remembered(&remembered.numbers),
+            None => LookedUp::Made(Box::new(DwellNumbers::new(&self.compose(periods)))),
+        }
+    }
+
+    #[inline]
+    fn remember(&self, periods: usize) -> Option<&Remembered> {
+        let cell = self.remembered.get(periods)?;
+        Some(cell.get_or_init(|| Box::new(Remembered::new(self.compose(periods)))))
     }
 
     /// 2^k periods.

@@ -1,4 +1,4 @@
-//! The drift integral of a move, B = ∫ Φ(t_end − t) A(R(t)) dt, and its reverse mode.
+//! The drift integral of a move, B = ∫ Φ(t_end − t) A(R(t)) dt.
 //!
 //! With the angles linear in time, A(R(t)) is a trigonometric polynomial whose highest angular
 //! frequency is 2 (|α̇| + |β̇| + |γ̇|): C_c^n has degree 1 in each angle and g^c too. A
@@ -13,13 +13,40 @@ use nalgebra::Matrix3;
 
 use super::Move;
 use crate::attitude::Position;
-use crate::drift::{DriftMatrix, drift_matrix, drift_matrix_adjoint, times_drift_matrix};
+use crate::drift::{DriftMatrix, drift_matrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::units::EARTH_RATE_RAD_PER_S;
 
 /// A Gauss–Legendre rule on [0, 1]: nodes and weights.
-struct Rule {
+#[derive(Debug)]
+pub(crate) struct Rule {
     nodes: Vec<(f64, f64)>,
+    /// The same one by one, and four by four.
+    ones: Vec<Group>,
+    fours: Vec<Group>,
+}
+
+/// Nodes that are visited together; the last group is filled with nodes of no weight.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Group {
+    /// On [0, 1].
+    pub places: [f64; 4],
+    /// Their weights.
+    pub weights: [f64; 4],
+}
+
+impl Group {
+    fn new(nodes: &[(f64, f64)]) -> Self {
+        let mut group = Self {
+            places: [0.5; 4],
+            weights: [0.0; 4],
+        };
+        for (i, (place, weight)) in nodes.iter().enumerate() {
+            group.places[i] = *place;
+            group.weights[i] = *weight;
+        }
+        group
+    }
 }
 
 impl Rule {
@@ -44,9 +71,43 @@ impl Rule {
             }
             (0.5 * (1.0 - x), 1.0 / ((1.0 - x * x) * slope * slope))
         });
+        let nodes: Vec<(f64, f64)> = nodes.collect();
+        let groups = |size: usize| nodes.chunks(size).map(Group::new).collect();
         Self {
-            nodes: nodes.collect(),
+            ones: groups(1),
+            fours: groups(4),
+            nodes,
         }
+    }
+
+    /// The nodes in groups of one or four.
+    #[inline]
+    pub fn groups(&self, size: usize) -> &[Group] {
+        if size == 4 { &self.fours } else { &self.ones }
+    }
+}
+
+/// How an interval is integrated: equal panels with one rule each.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Panels {
+    /// The rule of each.
+    pub rule: &'static Rule,
+    /// How many.
+    pub count: usize,
+}
+
+impl Panels {
+    /// For `length_s` of the move.
+    #[inline]
+    pub fn of(m: &Move, length_s: f64) -> Self {
+        Self::of_half_phase(half_phase(m, length_s))
+    }
+
+    /// For half a phase of `kappa`.
+    #[inline]
+    pub fn of_half_phase(kappa: f64) -> Self {
+        let (rule, count) = rule_for(kappa);
+        Self { rule, count }
     }
 }
 
@@ -57,7 +118,7 @@ static RULES: LazyLock<[(f64, Rule); 4]> = LazyLock::new(|| {
 
 /// Half the phase that the integrand runs through in `length_s` of the move: the gimbals' turn,
 /// and the Earth's in Φ.
-fn half_phase(m: &Move, length_s: f64) -> f64 {
+pub(crate) fn half_phase(m: &Move, length_s: f64) -> f64 {
     let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
     turn * length_s / m.duration_s + 0.5 * EARTH_RATE_RAD_PER_S * length_s
 }
@@ -85,17 +146,6 @@ fn for_each_node(m: &Move, length_s: f64, mut visit: impl FnMut(f64, f64)) {
     }
 }
 
-/// Adjoints of one interval of a move.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct IntegralAdjoint {
-    /// With respect to the angles at the start of the move.
-    pub from: [f64; 3],
-    /// With respect to the angle change of the move.
-    pub change: [f64; 3],
-    /// With respect to the move's duration, the interval's place and length held.
-    pub duration: f64,
-}
-
 impl Move {
     /// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval of `length_s` that starts `start_s` into
     /// the move: what the drift D adds to ψ^n by the interval's end is B D. Unit s (times g).
@@ -112,32 +162,6 @@ impl Move {
             b += times_drift_matrix(&phi, &position.attitude());
         });
         b
-    }
-
-    /// Reverse mode of [`Move::drift_integral`]: adjoints of angles and duration, given the
-    /// adjoint of B. The interval's own length is the chain's affair (Leibniz: ∂B/∂length =
-    /// A(end) + F B).
-    pub(crate) fn drift_integral_adjoint(
-        &self,
-        dynamics: &ErrorDynamics,
-        start_s: f64,
-        length_s: f64,
-        b_adjoint: &DriftMatrix,
-    ) -> IntegralAdjoint {
-        let mut out = IntegralAdjoint::default();
-        for_each_node(self, length_s, |t, weight| {
-            let fraction = (start_s + t) / self.duration_s;
-            let position = Position::from_array(self.angles_at(fraction));
-            let phi = dynamics.transition(length_s - t) * weight;
-            let a_adjoint = phi.transpose() * b_adjoint;
-            let angles = drift_matrix_adjoint(position, &position.attitude(), &a_adjoint);
-            for (i, angle) in angles.into_iter().enumerate() {
-                out.from[i] += angle;
-                out.change[i] += fraction * angle;
-                out.duration -= fraction / self.duration_s * self.change[i] * angle;
-            }
-        });
-        out
     }
 
     /// A at the `fraction` of the move.
@@ -214,36 +238,5 @@ mod tests {
         };
         let error = (m.drift_integral(&dynamics, 0.0, 2e5) - fine(&m, &dynamics, 0.0, 2e5)).amax();
         assert!(error < 1e-12 * 2e5, "{error:e}");
-    }
-
-    #[test]
-    fn adjoint_is_the_derivative() {
-        let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
-        let weight = DriftMatrix::from_fn(|i, j| ((2 * i + 3 * j) as f64).cos());
-        let base = Move {
-            from: [0.3, -0.8, 2.0],
-            change: [1.1, -0.6, 0.4],
-            duration_s: 200.0,
-            measured: false,
-        };
-        let (start, length) = (30.0, 90.0);
-        let f = |m: &Move| m.drift_integral(&dynamics, start, length).dot(&weight);
-        let adjoint = base.drift_integral_adjoint(&dynamics, start, length, &weight);
-        let slope = |h: f64, shift: &dyn Fn(&mut Move, f64)| {
-            let at = |by: f64| {
-                let mut m = base;
-                shift(&mut m, by);
-                f(&m)
-            };
-            (at(h) - at(-h)) / (2.0 * h)
-        };
-        for i in 0..3 {
-            let from = slope(1e-5, &|m, by| m.from[i] += by);
-            let change = slope(1e-5, &|m, by| m.change[i] += by);
-            assert!((from - adjoint.from[i]).abs() < 1e-6);
-            assert!((change - adjoint.change[i]).abs() < 1e-6);
-        }
-        let longer = slope(1e-3, &|m, by| m.duration_s += by);
-        assert!((longer - adjoint.duration).abs() < 1e-6);
     }
 }

@@ -1,0 +1,321 @@
+//! Reverse mode of the [`two_stage`](super) steps.
+//!
+//! E is only ever added to, so its adjoint Ē is the same through the whole chain. With V̄, P̄ the
+//! adjoints after a dwell (P̄, Ē symmetric), and X, Y, Z, M, N those of the dwell, the adjoints
+//! before it are
+//!
+//! ```text
+//! X̄ = 2 X Ē,    V̄ ← Mᵀ V̄ + Yᵀ X̄,    Ā = Nᵀ V̄ + Zᵀ X̄ + 2 R22ᵀ R22 A Ē,
+//! P̄ ← Mᵀ P̄ M − sym(Mᵀ V̄ Xᵀ Y) − Yᵀ X Ē Xᵀ Y
+//! ```
+//!
+//! (from S^{-½} R11 = R11-part of Y, I − P₊J = (I + PJ)⁻¹ and R11 (I − P₊J) = S⁻¹ R11). A is
+//! never formed: C̄ = Σ_e h_e Ā_e and h̄_e = ⟨C, Ā_e⟩ are, through the same 3×3 matrices. A
+//! measurement is a dwell with two rows of weight w/D, so that nothing is singular at w = 0.
+
+use super::earth::{Earth, Passed};
+use super::information::Rows;
+use super::moves::pull_to_angles;
+use super::numbers::{Arithmetic, Number, Row, four, three};
+use super::square::{
+    Entries, Square, combine, difference, dot, entries, product, rows, sum, transpose,
+    transposed_product,
+};
+use super::{DwellStep, MeasureStep, Place, Wide, inner, turn};
+use crate::attitude::{EAST, NORTH, UP};
+
+/// Adjoints of V and P after the step at hand, and of the place where it happens.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sweep<A: Arithmetic> {
+    ar: A,
+    /// V̄.
+    pub v: Wide<A::Quad>,
+    /// P̄, symmetric.
+    pub p: Entries<A::Number>,
+    /// C̄ of the place, but for what goes through h.
+    c: Square<A::Triple>,
+    /// h̄ of the place.
+    h: A::Quad,
+}
+
+/// Row `x` times the symmetric matrix Ē.
+#[inline(always)]
+fn times_information<Q: Row>(x: &[Q; 3], e: &Rows<Q>) -> [Q; 3] {
+    let mut out = three!(|k| e[0][k].times(x[0].get(0)));
+    for j in 0..3 {
+        for f in 0..4 {
+            if (j, f) == (0, 0) {
+                continue;
+            }
+            let factor = x[j].get(f);
+            for k in 0..3 {
+                out[k] = e[4 * j + f][k].times_add(factor, out[k]);
+            }
+        }
+    }
+    out
+}
+
+/// Σ_k a_k b_k over a row.
+#[inline(always)]
+fn row_dot<Q: Row>(a: &[Q; 3], b: &[Q; 3]) -> Q::Number {
+    a[0].by(b[0])
+        .plus(a[1].by(b[1]))
+        .plus(a[2].by(b[2]))
+        .total()
+}
+
+/// Σ_e h_e w_e, entry by entry.
+#[inline(always)]
+fn along<Q: Row>(w: &Wide<Q>, h: Q) -> Entries<Q::Number> {
+    three!(|i| three!(|j| w[i][j].dot(h)))
+}
+
+#[inline(always)]
+fn symmetric<N: Number>(m: &Entries<N>) -> Entries<N> {
+    let half = m[0][0].constant(0.5);
+    let mean = three!(|i| three!(|j| (m[i][j] + m[j][i]) * half));
+    super::square::mirrored(&mean)
+}
+
+impl<A: Arithmetic> Sweep<A> {
+    /// At the end of the schedule nothing depends on V and P but through E.
+    #[inline(always)]
+    pub fn new(ar: A) -> Self {
+        let zero = ar.number(0.0);
+        let nothing = ar.quad([zero; 4]);
+        Self {
+            ar,
+            v: [[nothing; 3]; 3],
+            p: [[zero; 3]; 3],
+            c: [ar.triple([zero; 3]); 3],
+            h: nothing,
+        }
+    }
+
+    /// h̄ += Σ turned_ij w_ij.
+    #[inline(always)]
+    fn add_h(&mut self, turned: &Entries<A::Number>, w: &Wide<A::Quad>) {
+        for i in 0..3 {
+            for j in 0..3 {
+                self.h = w[i][j].times_add(turned[i][j], self.h);
+            }
+        }
+    }
+
+    /// C̄ += lᵀ w.
+    #[inline(always)]
+    fn add_c(&mut self, l: &Entries<A::Number>, w: &Entries<A::Number>) {
+        let pulled = transposed_product(l, &rows(self.ar, w));
+        self.c = sum(&self.c, &pulled);
+    }
+
+    /// Takes a dwell back.
+    #[inline(always)]
+    pub fn dwell(&mut self, step: &DwellStep<A>, at: &Place<A>, information: &Rows<A::Quad>) {
+        let two = self.ar.number(2.0);
+        let xe = three!(|i| times_information(&step.x[i], information));
+        let twice = three!(|i| three!(|j| xe[i][j].plus(xe[i][j])));
+
+        let (z, n) = (entries(&step.gain.z), entries(&step.gain.n));
+        self.add_c(&n, &along(&self.v, at.h));
+        self.add_c(&z, &along(&twice, at.h));
+        self.add_h(&step.n_c, &self.v.clone());
+        self.add_h(&step.z_c, &twice);
+        self.second_information(step, at.h, information, two);
+
+        let (y, m) = (entries(&step.gain.y), entries(&step.gain.m));
+        let d1 = three!(|i| three!(|r| inner(&self.v, &step.x, i, r)));
+        let d2 = three!(|i| three!(|r| inner(&xe, &step.x, i, r)));
+        let through_p = product(&self.p, &step.gain.m);
+        let through_v = product(&d1, &step.gain.y);
+        let first = transposed_product(&m, &difference(&through_p, &through_v));
+        let second = transposed_product(&y, &product(&d2, &step.gain.y));
+        self.p = symmetric(&entries(&difference(&first, &second)));
+
+        let (kept, seen) = (turn(&transpose(&m), &self.v), turn(&transpose(&y), &twice));
+        self.v = three!(|i| three!(|j| kept[i][j].plus(seen[i][j])));
+    }
+
+    /// The adjoints of ⟨Ē, (CᵀR22ᵀR22 C) ⊗ hᵀh⟩.
+    #[inline(always)]
+    fn second_information(
+        &mut self,
+        step: &DwellStep<A>,
+        h: A::Quad,
+        information: &Rows<A::Quad>,
+        two: A::Number,
+    ) {
+        let q_c = entries(&step.q_c);
+        let n = entries(&transposed_product(&q_c, &step.q_c));
+        let mut f = [[two; 3]; 3];
+        for j in 0..3 {
+            for k in 0..3 {
+                let rows = four!(|e| information[4 * j + e][k]);
+                let mut u = rows[0].times(h.get(0));
+                for e in 1..4 {
+                    u = rows[e].times_add(h.get(e), u);
+                }
+                f[j][k] = u.dot(h) * two;
+                self.h = u.times_add(n[j][k] * two, self.h);
+            }
+        }
+        let q_f = product(&q_c, &rows(self.ar, &f));
+        self.add_c(&entries(&step.r22), &entries(&q_f));
+    }
+
+    /// Takes time at a place back; `gamma_c` = Γ C.
+    #[inline(always)]
+    pub fn pass_at(&mut self, passed: &Passed<A>, gamma_c: &Entries<A::Number>, at: &Place<A>) {
+        self.add_c(&passed.gamma, &along(&self.v, at.h));
+        self.add_h(gamma_c, &self.v.clone());
+        self.pass(passed);
+    }
+
+    /// Takes time without a measurement back, but for its drift.
+    #[inline(always)]
+    pub fn pass(&mut self, passed: &Passed<A>) {
+        let phi = &passed.phi;
+        self.v = turn(&transpose(phi), &self.v);
+        let half = product(&self.p, &rows(self.ar, phi));
+        self.p = symmetric(&entries(&transposed_product(phi, &half)));
+    }
+
+    /// The derivative with respect to the length of a time without a measurement, at its end:
+    /// d/dt (V, P) = (F V + A, F P + P Fᵀ + q I). `v`, `p` are the state at its end.
+    #[inline(always)]
+    pub fn length_adjoint(
+        &self,
+        earth: &Earth<A::Number>,
+        v: &Wide<A::Quad>,
+        p: &Entries<A::Number>,
+        at: &Place<A>,
+    ) -> A::Number {
+        let [f02, f12] = earth.system();
+        let two = self.ar.number(2.0);
+        let of_v = three!(|i| inner(&self.v, v, i, 2) - inner(&self.v, v, 2, i));
+        let of_p = three!(|i| (dot(&self.p[i], &p[2]) - dot(&self.p[2], &p[i])) * two);
+        let along = along(&self.v, at.h);
+        let drift =
+            (dot(&at.c[0], &along[0]) + dot(&at.c[1], &along[1])) + dot(&at.c[2], &along[2]);
+        let process = (self.p[0][0] + self.p[1][1] + self.p[2][2]) * earth.drift_psd();
+        f02.mul_add(
+            of_v[0] + of_p[0],
+            f12.mul_add(of_v[1] + of_p[1], drift + process),
+        )
+    }
+
+    /// Takes a measurement back; `p` and `v` are the state after it. Returns the derivative with
+    /// respect to its weight: with T = H V, M = (I + w H P Hᵀ)⁻¹,
+    /// dE/dw = (M T)ᵀ(M T), dP₊/dw = −P₊HᵀH P₊ and dV₊/dw = −P₊HᵀH V₊.
+    #[inline(always)]
+    pub fn measure(
+        &mut self,
+        step: &MeasureStep<A>,
+        v: &Wide<A::Quad>,
+        p: &Entries<A::Number>,
+        information: &Rows<A::Quad>,
+    ) -> A::Number {
+        let ar = self.ar;
+        let two = ar.number(2.0);
+        let (l, [d0, d1]) = (step.l, step.d);
+        let w = step.weight;
+        let (w0, w1) = (w * d0, w * d1);
+        let xe = [
+            times_information(&step.rows[0], information),
+            times_information(&step.rows[1], information),
+        ];
+        let t00 = row_dot(&xe[0], &step.rows[0]);
+        let t01 = row_dot(&xe[0], &step.rows[1]);
+        let t11 = row_dot(&xe[1], &step.rows[1]);
+
+        // tr(M T Ē Tᵀ M) from the rows L⁻¹ T.
+        let ld1 = l * d1;
+        let through_e = (d0 * d0).mul_add(t00, (d1 * d1 + ld1 * ld1) * t11) - two * ld1 * d0 * t01;
+        let weight_adjoint = through_e - self.seen(NORTH, v, p) - self.seen(EAST, v, p);
+
+        // M = I − w P₊ HᵀH; the rows of Y are e_x and e_z − l e_x.
+        let (zero, one) = (ar.number(0.0), ar.number(1.0));
+        let m = [
+            [one - w * p[0][0], zero, -(w * p[0][2])],
+            [-(w * p[1][0]), one, -(w * p[1][2])],
+            [-(w * p[2][0]), zero, one - w * p[2][2]],
+        ];
+        // V̄ Xᵀ Y with weights, columns x and z.
+        let pull = three!(|i| {
+            let a0 = row_dot(&self.v[i], &step.rows[0]) * w0;
+            let a1 = row_dot(&self.v[i], &step.rows[1]) * w1;
+            [a0 - l * a1, zero, a1]
+        });
+        let through_p = entries(&product(&self.p, &rows(ar, &m)));
+        let inside = three!(|i| three!(|j| through_p[i][j] - pull[i][j]));
+        let mut back = entries(&transposed_product(&m, &rows(ar, &inside)));
+        let (e00, e01, e11) = (t00 * w0 * w0, t01 * w0 * w1, t11 * w1 * w1);
+        back[0][0] = back[0][0] - (e00 - two * l * e01 + l * l * e11);
+        back[2][0] = back[2][0] - (e01 - l * e11);
+        back[0][2] = back[0][2] - (e01 - l * e11);
+        back[2][2] = back[2][2] - e11;
+        self.p = symmetric(&back);
+
+        let v_bar = self.v;
+        let (twice0, twice1) = (w0 * two, w1 * two);
+        for j in 0..3 {
+            let column = [v_bar[0][j], v_bar[1][j], v_bar[2][j]];
+            let (x0, x1) = (xe[0][j].times(twice0), xe[1][j].times(twice1));
+            let kept_x = combine(&[m[0][0], m[1][0], m[2][0]], &column);
+            let kept_z = combine(&[m[0][2], m[1][2], m[2][2]], &column);
+            self.v[0][j] = x1.times_add(-l, kept_x.plus(x0));
+            self.v[2][j] = kept_z.plus(x1);
+        }
+        weight_adjoint
+    }
+
+    /// p · P̄ p + p · V̄ vᵀ with p the column of P and v the row of V of an axis.
+    #[inline(always)]
+    fn seen(&self, axis: usize, v: &Wide<A::Quad>, p: &Entries<A::Number>) -> A::Number {
+        let column = [p[0][axis], p[1][axis], p[2][axis]];
+        let through_p = three!(|i| dot(&self.p[i], &column));
+        let through_v = three!(|i| row_dot(&self.v[i], &v[axis]));
+        dot(&column, &through_p) + dot(&column, &through_v)
+    }
+
+    /// Takes a change of position in frame-hold repositioning back, q = C C₀ᵀ; `v`, `p` are the
+    /// state before it. Returns q̄.
+    #[inline(always)]
+    pub fn rotate(
+        &mut self,
+        q: &Entries<A::Number>,
+        v: &Wide<A::Quad>,
+        p: &Entries<A::Number>,
+    ) -> Entries<A::Number> {
+        let ar = self.ar;
+        let two = ar.number(2.0);
+        let q_p = entries(&product(q, &rows(ar, &super::square::mirrored(p))));
+        let through_p = entries(&product(&self.p, &rows(ar, &q_p)));
+        let q_bar = three!(|i| three!(|j| through_p[i][j].mul_add(two, inner(&self.v, v, i, j))));
+        self.v = turn(&transpose(q), &self.v);
+        let half = product(&self.p, &rows(ar, q));
+        self.p = symmetric(&entries(&transposed_product(q, &half)));
+        q_bar
+    }
+
+    /// C̄ += `by`.
+    #[inline(always)]
+    pub fn add_to_place(&mut self, by: &Square<A::Triple>) {
+        self.c = sum(&self.c, by);
+    }
+
+    /// The place's adjoints as angles, ∂f/∂(α, β, γ); the next place starts from nothing.
+    #[inline(always)]
+    pub fn leave_place(&mut self, at: &Place<A>, alpha: (A::Number, A::Number)) -> [A::Number; 3] {
+        let mut c = entries(&self.c);
+        // g = −(Up row of C)ᵀ.
+        for e in 0..3 {
+            c[UP][e] = c[UP][e] - self.h.get(1 + e);
+        }
+        let zero = self.ar.number(0.0);
+        self.c = [self.ar.triple([zero; 3]); 3];
+        self.h = self.ar.quad([zero; 4]);
+        pull_to_angles(&at.c, alpha, &c)
+    }
+}

@@ -1,0 +1,241 @@
+//! The information E on D, gyro by gyro, and the covariance it leaves.
+//!
+//! Row 4 j + e of E is factor e of gyro j; it is kept as rows of three quads, of which those from
+//! gyro j on are used: one triangle.
+
+use super::Wide;
+use super::numbers::{Arithmetic, Number, Row, four, three};
+use super::square::Entries;
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
+
+/// Where a coefficient stands among the rows, and the sign with which it counts: its column of A
+/// is `sign · h_e C_j`.
+const fn place(c: DriftCoefficient) -> (usize, f64) {
+    match c.excitation() {
+        None => (4 * c.gyro(), 1.0),
+        Some((axis, sign)) => (4 * c.gyro() + 1 + axis, sign),
+    }
+}
+
+/// [`place`] of every coefficient.
+pub(crate) const PLACES: [(usize, f64); COEFFICIENTS] = {
+    let mut places = [(0, 0.0); COEFFICIENTS];
+    let mut i = 0;
+    while i < COEFFICIENTS {
+        places[i] = place(DriftCoefficient::ALL[i]);
+        i += 1;
+    }
+    places
+};
+
+/// A symmetric matrix over the coefficients, gyro by gyro.
+pub(crate) type Rows<Q> = [[Q; 3]; COEFFICIENTS];
+
+/// E, see the module text.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Information<A: Arithmetic>(Rows<A::Quad>);
+
+impl<A: Arithmetic> Information<A> {
+    /// Nothing known.
+    #[inline(always)]
+    pub fn zeros(ar: A) -> Self {
+        Self([[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS])
+    }
+
+    /// E += XᵀX + n ⊗ hᵀh, n symmetric.
+    #[inline(always)]
+    pub fn add_dwell(&mut self, x: &Wide<A::Quad>, n: &Entries<A::Number>, h: A::Quad) {
+        for j in 0..3 {
+            for e in 0..4 {
+                let hh = h.times(h.get(e));
+                for k in j..3 {
+                    let first = if k == j { e } else { 0 };
+                    let mut sum = self.0[4 * j + e][k];
+                    sum = hh.times_add_from(n[j][k], sum, first);
+                    for row in x {
+                        sum = row[k].times_add_from(row[j].get(e), sum, first);
+                    }
+                    self.0[4 * j + e][k] = sum;
+                }
+            }
+        }
+    }
+
+    /// E += Σ_r w_r x_rᵀ x_r.
+    #[inline(always)]
+    pub fn add_rows<const R: usize>(&mut self, x: &[[A::Quad; 3]; R], w: [A::Number; R]) {
+        for j in 0..3 {
+            let mut weighted = [x[0][j]; R];
+            for r in 0..R {
+                weighted[r] = x[r][j].times(w[r]);
+            }
+            for e in 0..4 {
+                for k in j..3 {
+                    let first = if k == j { e } else { 0 };
+                    let mut sum = self.0[4 * j + e][k];
+                    for r in 0..R {
+                        sum = x[r][k].times_add_from(weighted[r].get(e), sum, first);
+                    }
+                    self.0[4 * j + e][k] = sum;
+                }
+            }
+        }
+    }
+
+    /// S⁻¹ with S = I + s E s, as the rows of L⁻¹ scaled by s and the pivots' inverses D⁻¹ (S =
+    /// L D Lᵀ): P_D = Σ_k d_k w_kᵀ w_k. `sigma` are the prior σ.
+    #[inline(always)]
+    pub fn factor(&self, ar: A, sigma: &PriorScale) -> Factor<A> {
+        let one = ar.number(1.0);
+        let zero = ar.number(0.0);
+        let scale = sigma.0;
+        let scales = three!(|k| ar.quad(four!(|e| ar.number(scale[4 * k + e]))));
+        let mut s = self.0;
+        let mut w = [[ar.quad([zero; 4]); 3]; COEFFICIENTS];
+        for i in 0..COEFFICIENTS {
+            let (j, e) = (i / 4, i % 4);
+            for k in j..3 {
+                s[i][k] = s[i][k].by(scales[k]).times(ar.number(scale[i]));
+            }
+            let unit = ar.quad(four!(|k| if k == e { one } else { zero }));
+            s[i][j] = s[i][j].plus(unit);
+            w[i][j] = unit;
+        }
+        let mut d = [one; COEFFICIENTS];
+        let mut least = one;
+        for k in 0..COEFFICIENTS {
+            let pivot = s[k][k / 4].get(k % 4);
+            least = pivot.where_greater(least, pivot, least);
+            d[k] = one / pivot;
+            let (s_k, w_k) = (s[k], w[k]);
+            for i in k + 1..COEFFICIENTS {
+                let factor = -(s_k[i / 4].get(i % 4) * d[k]);
+                for q in i / 4..3 {
+                    let first = if q == i / 4 { i % 4 } else { 0 };
+                    s[i][q] = s_k[q].times_add_from(factor, s[i][q], first);
+                }
+                for q in 0..=k / 4 {
+                    w[i][q] = w_k[q].times_add(factor, w[i][q]);
+                }
+            }
+        }
+        for row in &mut w {
+            for k in 0..3 {
+                row[k] = row[k].by(scales[k]);
+            }
+        }
+        Factor { w, d, least }
+    }
+}
+
+/// P_D in factors.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Factor<A: Arithmetic> {
+    w: Rows<A::Quad>,
+    d: [A::Number; COEFFICIENTS],
+    /// The smallest pivot: at least 1, but for rounding; not a number when E is not finite.
+    pub least: A::Number,
+}
+
+impl<A: Arithmetic> Factor<A> {
+    /// P_D, (°/h)², one triangle as in [`Information`].
+    #[inline(always)]
+    pub fn covariance(&self, ar: A) -> Rows<A::Quad> {
+        let mut p = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
+        for (k, (row, d)) in self.w.iter().zip(&self.d).enumerate() {
+            for j in 0..=k / 4 {
+                let weighted = row[j].times(*d);
+                for e in 0..4 {
+                    // Entries of a row of L⁻¹ end at the diagonal.
+                    if 4 * j + e > k {
+                        continue;
+                    }
+                    let factor = weighted.get(e);
+                    for q in j..=k / 4 {
+                        let first = if q == j { e } else { 0 };
+                        p[4 * j + e][q] = row[q].times_add_from(factor, p[4 * j + e][q], first);
+                    }
+                }
+            }
+        }
+        p
+    }
+}
+
+/// Prior σ of the coefficients, °/h, gyro by gyro.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PriorScale(pub [f64; COEFFICIENTS]);
+
+impl PriorScale {
+    /// From the order of the coefficients.
+    #[inline(always)]
+    pub fn new(sigma: &CoefficientVector) -> Self {
+        let mut scale = [0.0; COEFFICIENTS];
+        for (c, (to, _)) in PLACES.iter().enumerate() {
+            scale[*to] = sigma[c];
+        }
+        Self(scale)
+    }
+}
+
+/// A symmetric matrix, one triangle of which is given gyro by gyro, in the order of the
+/// coefficients.
+#[inline(always)]
+pub(crate) fn to_coefficients<Q: Row<Number = f64>>(rows: &Rows<Q>) -> CoefficientMatrix {
+    let mut out = CoefficientMatrix::zeros();
+    for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
+        for (b, &(j, sign_b)) in PLACES.iter().enumerate().take(a + 1) {
+            let (low, high) = if i < j { (i, j) } else { (j, i) };
+            let entry = sign_a * sign_b * rows[low][high / 4].get(high % 4);
+            out[(a, b)] = entry;
+            out[(b, a)] = entry;
+        }
+    }
+    out
+}
+
+/// The lower blocks from the upper ones.
+#[inline(always)]
+pub(crate) fn mirror<A: Arithmetic>(ar: A, rows: &mut Rows<A::Quad>) {
+    for j in 1..3 {
+        for k in 0..j {
+            for e in 0..4 {
+                rows[4 * j + e][k] = ar.quad(four!(|f| rows[4 * k + f][j].get(e)));
+            }
+        }
+    }
+}
+
+/// −P G P for the derivative G of a figure of merit with respect to P, in the order of the
+/// coefficients: its adjoint of E. `p` with both triangles in its blocks.
+#[inline(always)]
+pub(crate) fn information_adjoint<A: Arithmetic<Number = f64>>(
+    ar: A,
+    p: &Rows<A::Quad>,
+    slope: &CoefficientMatrix,
+) -> Rows<A::Quad> {
+    let nothing = [ar.quad([0.0; 4]); 3];
+    let mut out = [nothing; COEFFICIENTS];
+    for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
+        // Row a of −G P; most criteria have a diagonal G.
+        let mut row = nothing;
+        for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
+            let g = slope[(b, a)];
+            if g != 0.0 {
+                for q in 0..3 {
+                    row[q] = p[k][q].times_add(-(sign_a * sign_b * g), row[q]);
+                }
+            }
+        }
+        for j in 0..3 {
+            for e in 0..4 {
+                let factor = p[i][j].get(e);
+                for q in j..3 {
+                    out[4 * j + e][q] = row[q].times_add(factor, out[4 * j + e][q]);
+                }
+            }
+        }
+    }
+    mirror(ar, &mut out);
+    out
+}

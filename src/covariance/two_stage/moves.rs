@@ -1,0 +1,334 @@
+//! The drift integral of a move, see [`crate::motion::integral`], at several nodes at once.
+
+use super::Wide;
+use super::earth::Earth;
+use super::numbers::{Arithmetic, Number, Row, four, three};
+use super::square::{Entries, dot, transpose};
+use super::trigonometry::sin_cos;
+use crate::attitude::UP;
+use crate::motion::integral::Panels;
+
+/// A move in the chain's numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Turn<N> {
+    /// (α, β, γ) at its start, rad.
+    pub from: [N; 3],
+    /// The change of the angles, rad.
+    pub change: [N; 3],
+    /// Its duration, s.
+    pub duration_s: N,
+}
+
+/// An interval of a move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Interval<N> {
+    /// From the start of the move, s.
+    pub start_s: N,
+    /// Its length, s.
+    pub length_s: N,
+}
+
+/// Adjoints of one interval of a move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct IntegralAdjoint<N> {
+    /// With respect to the angles at the start of the move.
+    pub from: [N; 3],
+    /// With respect to the angle change of the move.
+    pub change: [N; 3],
+    /// With respect to the move's duration, the interval's place and length held.
+    pub duration: N,
+}
+
+/// What the integrand is made of at a node (or several).
+struct AtNode<N> {
+    /// Share of the move done.
+    fraction: N,
+    /// C_c^n.
+    c: Entries<N>,
+    /// (sin α, cos α).
+    alpha: (N, N),
+    /// Φ(t_end − t) times the node's weight.
+    phi: Entries<N>,
+}
+
+/// C_c^n = Mx(α) My(β) Mz(γ), (19), and (sin α, cos α).
+#[inline(always)]
+fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
+    let [(sa, ca), (sb, cb), (sg, cg)] = three!(|i| sin_cos(angles[i]));
+    let (sa_sb, ca_sb) = (sa * sb, ca * sb);
+    let c = [
+        [cb * cg, cb * sg, -sb],
+        [
+            sa_sb.mul_add(cg, -(ca * sg)),
+            sa_sb.mul_add(sg, ca * cg),
+            sa * cb,
+        ],
+        [
+            ca_sb.mul_add(cg, sa * sg),
+            ca_sb.mul_add(sg, -(sa * cg)),
+            ca * cb,
+        ],
+    ];
+    (c, (sa, ca))
+}
+
+#[inline(always)]
+fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
+    three!(|i| three!(|j| a[i][2].mul_add(b[2][j], a[i][1].mul_add(b[1][j], a[i][0] * b[0][j]))))
+}
+
+/// An interval ready to be visited node by node.
+struct Nodes<N> {
+    earth: Earth<N>,
+    from: [N; 3],
+    change: [N; 3],
+    per_duration: N,
+    start: N,
+    length: N,
+    width: N,
+}
+
+impl<N: Number> Nodes<N> {
+    #[inline(always)]
+    fn new<A: Arithmetic<Node = N>>(
+        ar: A,
+        earth: &Earth<A::Number>,
+        turn: &Turn<A::Number>,
+        interval: &Interval<A::Number>,
+        panels: Panels,
+    ) -> Self {
+        let width = interval.length_s * ar.number(1.0 / panels.count as f64);
+        Self {
+            earth: earth.at_nodes(ar),
+            from: three!(|i| ar.at_nodes(turn.from[i])),
+            change: three!(|i| ar.at_nodes(turn.change[i])),
+            per_duration: ar.at_nodes(ar.number(1.0) / turn.duration_s),
+            start: ar.at_nodes(interval.start_s),
+            length: ar.at_nodes(interval.length_s),
+            width: ar.at_nodes(width),
+        }
+    }
+
+    /// At `places` (on [0, 1]) of a panel, with those `weights`.
+    #[inline(always)]
+    fn at(&self, panel: usize, places: N, weights: N) -> AtNode<N> {
+        let t = self.width * (places + places.constant(panel as f64));
+        let fraction = (self.start + t) * self.per_duration;
+        let (c, alpha) = attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])));
+        let weight = self.width * weights;
+        let phi = self.earth.transition(self.length - t);
+        AtNode {
+            fraction,
+            c,
+            alpha,
+            phi: three!(|i| three!(|j| phi[i][j] * weight)),
+        }
+    }
+}
+
+/// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval.
+#[inline(always)]
+pub(crate) fn drift_integral<A: Arithmetic>(
+    ar: A,
+    earth: &Earth<A::Number>,
+    turn: &Turn<A::Number>,
+    interval: &Interval<A::Number>,
+    panels: Panels,
+) -> Wide<A::Quad> {
+    let nothing = ar.at_nodes(ar.number(0.0));
+    let mut sums = [[[nothing; 4]; 3]; 3];
+    let nodes = Nodes::new(ar, earth, turn, interval, panels);
+    for panel in 0..panels.count {
+        for group in panels.rule.groups(A::NODES) {
+            let node = nodes.at(panel, ar.nodes(&group.places), ar.nodes(&group.weights));
+            let turned = product(&node.phi, &node.c);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let sum = &mut sums[i][j];
+                    sum[0] = sum[0] + turned[i][j];
+                    for e in 0..3 {
+                        // g = −(Up row of C)ᵀ.
+                        sum[1 + e] = turned[i][j].mul_add(-node.c[UP][e], sum[1 + e]);
+                    }
+                }
+            }
+        }
+    }
+    three!(|i| three!(|j| ar.quad(four!(|e| ar.sum_nodes(sums[i][j][e])))))
+}
+
+/// Reverse mode of [`drift_integral`]: adjoints of angles and duration, given the adjoint of B.
+/// The interval's own length is the chain's affair.
+#[inline(always)]
+pub(crate) fn drift_integral_adjoint<A: Arithmetic>(
+    ar: A,
+    earth: &Earth<A::Number>,
+    turn: &Turn<A::Number>,
+    interval: &Interval<A::Number>,
+    panels: Panels,
+    b: &Wide<A::Quad>,
+) -> IntegralAdjoint<A::Number> {
+    let nothing = ar.at_nodes(ar.number(0.0));
+    let b = three!(|i| three!(|j| four!(|e| ar.at_nodes(b[i][j].get(e)))));
+    let (mut from, mut change) = ([nothing; 3], [nothing; 3]);
+    let nodes = Nodes::new(ar, earth, turn, interval, panels);
+    for panel in 0..panels.count {
+        for group in panels.rule.groups(A::NODES) {
+            let node = nodes.at(panel, ar.nodes(&group.places), ar.nodes(&group.weights));
+            let angles = angle_adjoint(&node, &b);
+            for i in 0..3 {
+                from[i] = from[i] + angles[i];
+                change[i] = node.fraction.mul_add(angles[i], change[i]);
+            }
+        }
+    }
+    let change = three!(|i| ar.sum_nodes(change[i]));
+    IntegralAdjoint {
+        from: three!(|i| ar.sum_nodes(from[i])),
+        change,
+        duration: -(dot(&turn.change, &change) / turn.duration_s),
+    }
+}
+
+/// The node's share of the angles' adjoint: of Φ C ⊗ h through C and through h, then of C through
+/// the angles ([`crate::attitude::Attitude::angle_adjoint`]).
+#[inline(always)]
+fn angle_adjoint<N: Number>(node: &AtNode<N>, b: &[[[N; 4]; 3]; 3]) -> [N; 3] {
+    let c = &node.c;
+    let gravity = three!(|e| -c[UP][e]);
+    let turned = product(&node.phi, c);
+    // Σ_e h_e B̄_e, then Φᵀ of it: C̄ through the columns.
+    let pulled = three!(|i| three!(|j| {
+        let q = &b[i][j];
+        let first = q[1].mul_add(gravity[0], q[0]);
+        q[3].mul_add(gravity[2], q[2].mul_add(gravity[1], first))
+    }));
+    let mut c_adjoint = product(&transpose(&node.phi), &pulled);
+    for e in 0..3 {
+        let column = three!(|i| dot(
+            &turned[i],
+            &[b[i][0][1 + e], b[i][1][1 + e], b[i][2][1 + e]]
+        ));
+        // g = −(Up row of C)ᵀ.
+        c_adjoint[UP][e] = c_adjoint[UP][e] - (column[0] + column[1] + column[2]);
+    }
+    pull_to_angles(c, node.alpha, &c_adjoint)
+}
+
+/// ∂f/∂(α, β, γ) from ∂f/∂C: −φ_i · Σ_j C_j × C̄_j with the axes φ of the three angles.
+#[inline(always)]
+pub(crate) fn pull_to_angles<N: Number>(
+    c: &Entries<N>,
+    (sin_alpha, cos_alpha): (N, N),
+    c_adjoint: &Entries<N>,
+) -> [N; 3] {
+    let mut torque = [sin_alpha.constant(0.0); 3];
+    for j in 0..3 {
+        for (axis, (a, b)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
+            let cross = c[a][j].mul_add(c_adjoint[b][j], -(c[b][j] * c_adjoint[a][j]));
+            torque[axis] = torque[axis] + cross;
+        }
+    }
+    [
+        -torque[0],
+        sin_alpha * torque[2] - cos_alpha * torque[1],
+        -dot(&[c[0][2], c[1][2], c[2][2]], &torque),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::information::PLACES;
+    use super::super::numbers::Plain;
+    use super::*;
+    use crate::attitude::earth_rate_n;
+    use crate::drift::{COEFFICIENTS, DriftMatrix};
+    use crate::dynamics::ErrorDynamics;
+    use crate::motion::Move;
+
+    fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
+        let turn = Turn {
+            from: m.from,
+            change: m.change,
+            duration_s: m.duration_s,
+        };
+        (
+            turn,
+            Interval { start_s, length_s },
+            Panels::of(m, length_s),
+        )
+    }
+
+    fn integral(m: &Move, dynamics: &ErrorDynamics, start_s: f64, length_s: f64) -> DriftMatrix {
+        let (turn, interval, panels) = parts(m, start_s, length_s);
+        let earth = Earth::new(0.0, dynamics, 0.0);
+        let b = drift_integral(Plain, &earth, &turn, &interval, panels);
+        DriftMatrix::from_fn(|i, c| {
+            let (at, sign) = PLACES[c];
+            sign * b[i][at / 4].get(at % 4)
+        })
+    }
+
+    #[test]
+    fn it_is_the_drift_integral_of_the_move() {
+        let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
+        for change in [
+            [0.0; 3],
+            [0.2, -0.1, 0.1],
+            [-1.5, 1.0, 1.9],
+            [6.0, 2.0, -12.0],
+        ] {
+            let m = Move {
+                from: [0.3, -0.8, 2.0],
+                change,
+                duration_s: 360.0,
+                measured: false,
+            };
+            for (start, length) in [(0.0, 360.0), (120.0, 10.0), (357.0, 3.0)] {
+                let expected = m.drift_integral(&dynamics, start, length);
+                let error = (integral(&m, &dynamics, start, length) - expected).amax();
+                assert!(error < 1e-13 * length, "{change:?}: {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn adjoint_is_the_derivative() {
+        let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
+        let weight = DriftMatrix::from_fn(|i, j| ((2 * i + 3 * j) as f64).cos());
+        let base = Move {
+            from: [0.3, -0.8, 2.0],
+            change: [1.1, -0.6, 0.4],
+            duration_s: 200.0,
+            measured: false,
+        };
+        let (start, length) = (30.0, 90.0);
+        let f = |m: &Move| integral(m, &dynamics, start, length).dot(&weight);
+        let mut wide = three!(|_i| three!(|_j| Plain.quad([0.0; 4])));
+        for c in 0..COEFFICIENTS {
+            let (at, sign) = PLACES[c];
+            for (i, row) in wide.iter_mut().enumerate() {
+                row[at / 4].0[at % 4] = sign * weight[(i, c)];
+            }
+        }
+        let (turn, interval, panels) = parts(&base, start, length);
+        let earth = Earth::new(0.0, &dynamics, 0.0);
+        let adjoint = drift_integral_adjoint(Plain, &earth, &turn, &interval, panels, &wide);
+        let slope = |h: f64, shift: &dyn Fn(&mut Move, f64)| {
+            let at = |by: f64| {
+                let mut m = base;
+                shift(&mut m, by);
+                f(&m)
+            };
+            (at(h) - at(-h)) / (2.0 * h)
+        };
+        for i in 0..3 {
+            let from = slope(1e-5, &|m, by| m.from[i] += by);
+            let change = slope(1e-5, &|m, by| m.change[i] += by);
+            assert!((from - adjoint.from[i]).abs() < 1e-6);
+            assert!((change - adjoint.change[i]).abs() < 1e-6);
+        }
+        let longer = slope(1e-3, &|m, by| m.duration_s += by);
+        assert!((longer - adjoint.duration).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,540 @@
+//! The numbers the chain computes with: one schedule's, or several schedules' side by side.
+//!
+//! The chain is written once, over [`Arithmetic`], and runs in three forms:
+//!
+//! | form | `Number` | a row of three or four | used for |
+//! |---|---|---|---|
+//! | [`Plain`] | `f64` | array | one schedule, any machine |
+//! | [`Packed`] | `f64` | one 256-bit register | one schedule, AVX2 or AVX-512 |
+//! | [`Lanes`] | a register, one lane per schedule | array of registers | many schedules |
+//!
+//! `Plain` and `Packed` do the same operations in the same order and never fuse a product with a
+//! sum, so one schedule has the same bits on every machine. `Lanes` fuses, which is where half of
+//! a core's arithmetic is; it agrees with the others to rounding.
+//!
+//! Everything here is `inline(always)`, and there are no closures on the way: a function compiled
+//! on its own would not know the instruction set that its caller was dispatched to.
+
+/// `[f(0), f(1), f(2)]`, written out: a closure handed to `map` is compiled on its own.
+macro_rules! three {
+    (|$i:ident| $entry:expr) => {
+        [
+            {
+                let $i = 0;
+                $entry
+            },
+            {
+                let $i = 1;
+                $entry
+            },
+            {
+                let $i = 2;
+                $entry
+            },
+        ]
+    };
+}
+
+/// `[f(0), f(1), f(2), f(3)]`, as [`three`].
+macro_rules! four {
+    (|$i:ident| $entry:expr) => {
+        [
+            {
+                let $i = 0;
+                $entry
+            },
+            {
+                let $i = 1;
+                $entry
+            },
+            {
+                let $i = 2;
+                $entry
+            },
+            {
+                let $i = 3;
+                $entry
+            },
+        ]
+    };
+}
+
+pub(crate) use {four, three};
+
+use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use pulp::Simd;
+use pulp::bytemuck::cast;
+
+/// A real number, or one per lane.
+pub(crate) trait Number:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// `value`, in every lane.
+    fn constant(self, value: f64) -> Self;
+    /// `self · factor + term`.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// √self.
+    fn sqrt(self) -> Self;
+    /// `self` where `left > right`, else `otherwise`.
+    fn where_greater(self, left: Self, right: Self, otherwise: Self) -> Self;
+}
+
+/// Three or four numbers that are worked on together: a row of a 3×3 matrix, or the factors
+/// (1, g_x, g_y, g_z) of one gyro's coefficients.
+pub(crate) trait Row: Copy + Debug {
+    /// What it is made of.
+    type Number: Number;
+    /// Entry `i`.
+    fn get(self, i: usize) -> Self::Number;
+    /// `self · factor`.
+    fn times(self, factor: Self::Number) -> Self;
+    /// `self · factor + term`.
+    fn times_add(self, factor: Self::Number, term: Self) -> Self;
+    /// As [`Row::times_add`]; entries before `first` may be left as they are in `term`.
+    fn times_add_from(self, factor: Self::Number, term: Self, first: usize) -> Self;
+    /// `self + other`.
+    fn plus(self, other: Self) -> Self;
+    /// `self − other`.
+    fn minus(self, other: Self) -> Self;
+    /// The product entry by entry.
+    fn by(self, other: Self) -> Self;
+    /// Σ self_i.
+    fn total(self) -> Self::Number;
+    /// Σ self_i other_i.
+    #[inline(always)]
+    fn dot(self, other: Self) -> Self::Number {
+        self.by(other).total()
+    }
+}
+
+/// A choice of numbers and rows.
+pub(crate) trait Arithmetic: Copy + Debug {
+    /// Real numbers.
+    type Number: Number;
+    /// Rows of 3×3 matrices.
+    type Triple: Row<Number = Self::Number>;
+    /// The four coefficients of a gyro.
+    type Quad: Row<Number = Self::Number>;
+    /// Numbers at several nodes of a quadrature at once.
+    type Node: Number;
+    /// How many nodes that is.
+    const NODES: usize;
+
+    /// A constant.
+    fn number(self, value: f64) -> Self::Number;
+    /// A row of three.
+    fn triple(self, entries: [Self::Number; 3]) -> Self::Triple;
+    /// A row of three constants; the fourth is padding, zero.
+    fn constants(self, padded: &[f64; 4]) -> Self::Triple;
+    /// A row of four.
+    fn quad(self, entries: [Self::Number; 4]) -> Self::Quad;
+    /// The same at every node.
+    fn at_nodes(self, value: Self::Number) -> Self::Node;
+    /// `values` at the nodes, one each; the first [`Arithmetic::NODES`] of them count.
+    fn nodes(self, values: &[f64; 4]) -> Self::Node;
+    /// The sum over the nodes.
+    fn sum_nodes(self, values: Self::Node) -> Self::Number;
+}
+
+impl Number for f64 {
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        // Not f64::mul_add: two roundings, the same on every machine.
+        self * factor + term
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn where_greater(self, left: Self, right: Self, otherwise: Self) -> Self {
+        if left > right { self } else { otherwise }
+    }
+}
+
+/// A row as an array.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Array<L, const N: usize>(pub [L; N]);
+
+impl<L: Number, const N: usize> Row for Array<L, N> {
+    type Number = L;
+    #[inline(always)]
+    fn get(self, i: usize) -> L {
+        self.0[i]
+    }
+    #[inline(always)]
+    fn times(mut self, factor: L) -> Self {
+        for entry in &mut self.0 {
+            *entry = *entry * factor;
+        }
+        self
+    }
+    #[inline(always)]
+    fn times_add(self, factor: L, term: Self) -> Self {
+        self.times_add_from(factor, term, 0)
+    }
+    #[inline(always)]
+    fn times_add_from(self, factor: L, mut term: Self, first: usize) -> Self {
+        for i in first..N {
+            term.0[i] = self.0[i].mul_add(factor, term.0[i]);
+        }
+        term
+    }
+    #[inline(always)]
+    fn plus(mut self, other: Self) -> Self {
+        for i in 0..N {
+            self.0[i] = self.0[i] + other.0[i];
+        }
+        self
+    }
+    #[inline(always)]
+    fn minus(mut self, other: Self) -> Self {
+        for i in 0..N {
+            self.0[i] = self.0[i] - other.0[i];
+        }
+        self
+    }
+    #[inline(always)]
+    fn by(mut self, other: Self) -> Self {
+        for i in 0..N {
+            self.0[i] = self.0[i] * other.0[i];
+        }
+        self
+    }
+    #[inline(always)]
+    fn total(self) -> L {
+        // The order of `Packed`: opposite halves first.
+        let p = self.0;
+        match N {
+            3 => (p[0] + p[2]) + p[1],
+            _ => (p[0] + p[2]) + (p[1] + p[3]),
+        }
+    }
+}
+
+/// One schedule in plain numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plain;
+
+impl Arithmetic for Plain {
+    type Number = f64;
+    type Triple = Array<f64, 3>;
+    type Quad = Array<f64, 4>;
+    type Node = Four;
+    const NODES: usize = 4;
+
+    #[inline(always)]
+    fn number(self, value: f64) -> f64 {
+        value
+    }
+    #[inline(always)]
+    fn triple(self, entries: [f64; 3]) -> Self::Triple {
+        Array(entries)
+    }
+    #[inline(always)]
+    fn constants(self, padded: &[f64; 4]) -> Self::Triple {
+        Array([padded[0], padded[1], padded[2]])
+    }
+    #[inline(always)]
+    fn quad(self, entries: [f64; 4]) -> Self::Quad {
+        Array(entries)
+    }
+    #[inline(always)]
+    fn at_nodes(self, value: f64) -> Four {
+        Four([value; 4])
+    }
+    #[inline(always)]
+    fn nodes(self, values: &[f64; 4]) -> Four {
+        Four(*values)
+    }
+    #[inline(always)]
+    fn sum_nodes(self, values: Four) -> f64 {
+        let v = values.0;
+        (v[0] + v[2]) + (v[1] + v[3])
+    }
+}
+
+/// Four nodes of a quadrature in plain numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Four([f64; 4]);
+
+impl Add for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(four!(|i| self.0[i] + other.0[i]))
+    }
+}
+impl Sub for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(four!(|i| self.0[i] - other.0[i]))
+    }
+}
+impl Mul for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self(four!(|i| self.0[i] * other.0[i]))
+    }
+}
+impl Div for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Self(four!(|i| self.0[i] / other.0[i]))
+    }
+}
+impl Neg for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(four!(|i| -self.0[i]))
+    }
+}
+impl Number for Four {
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        Self([value; 4])
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(four!(|i| self.0[i].sqrt()))
+    }
+    #[inline(always)]
+    fn where_greater(self, left: Self, right: Self, otherwise: Self) -> Self {
+        Self(four!(|i| self.0[i].where_greater(
+            left.0[i],
+            right.0[i],
+            otherwise.0[i]
+        )))
+    }
+}
+
+/// A register of `S`, one number per lane. With `FUSED`, products and sums round once.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Register<S: Simd, const FUSED: bool> {
+    simd: S,
+    lanes: S::f64s,
+}
+
+impl<S: Simd, const FUSED: bool> Register<S, FUSED> {
+    /// From a register.
+    #[inline(always)]
+    pub fn new(simd: S, lanes: S::f64s) -> Self {
+        Self { simd, lanes }
+    }
+
+    /// The register.
+    #[allow(dead_code, reason = "for several schedules at once")]
+    #[inline(always)]
+    pub fn lanes(self) -> S::f64s {
+        self.lanes
+    }
+
+    #[inline(always)]
+    fn like(self, lanes: S::f64s) -> Self {
+        Self { lanes, ..self }
+    }
+}
+
+impl<S: Simd, const FUSED: bool> Add for Register<S, FUSED> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.like(self.simd.add_f64s(self.lanes, other.lanes))
+    }
+}
+impl<S: Simd, const FUSED: bool> Sub for Register<S, FUSED> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.like(self.simd.sub_f64s(self.lanes, other.lanes))
+    }
+}
+impl<S: Simd, const FUSED: bool> Mul for Register<S, FUSED> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.like(self.simd.mul_f64s(self.lanes, other.lanes))
+    }
+}
+impl<S: Simd, const FUSED: bool> Div for Register<S, FUSED> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.like(self.simd.div_f64s(self.lanes, other.lanes))
+    }
+}
+impl<S: Simd, const FUSED: bool> Neg for Register<S, FUSED> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.like(self.simd.neg_f64s(self.lanes))
+    }
+}
+impl<S: Simd, const FUSED: bool> Number for Register<S, FUSED> {
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        self.like(self.simd.splat_f64s(value))
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        if FUSED {
+            let lanes = self
+                .simd
+                .mul_add_e_f64s(self.lanes, factor.lanes, term.lanes);
+            self.like(lanes)
+        } else {
+            self * factor + term
+        }
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.like(self.simd.sqrt_f64s(self.lanes))
+    }
+    #[inline(always)]
+    fn where_greater(self, left: Self, right: Self, otherwise: Self) -> Self {
+        let greater = self.simd.greater_than_f64s(left.lanes, right.lanes);
+        self.like(self.simd.select_f64s(greater, self.lanes, otherwise.lanes))
+    }
+}
+
+/// A row of three or four `f64` in one register of four.
+impl<S: Simd> Row for Register<S, false> {
+    type Number = f64;
+    #[inline(always)]
+    fn get(self, i: usize) -> f64 {
+        cast::<S::f64s, [f64; 4]>(self.lanes)[i]
+    }
+    #[inline(always)]
+    fn times(self, factor: f64) -> Self {
+        self * self.constant(factor)
+    }
+    #[inline(always)]
+    fn times_add(self, factor: f64, term: Self) -> Self {
+        self.mul_add(self.constant(factor), term)
+    }
+    #[inline(always)]
+    fn times_add_from(self, factor: f64, term: Self, _: usize) -> Self {
+        self.times_add(factor, term)
+    }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        self - other
+    }
+    #[inline(always)]
+    fn by(self, other: Self) -> Self {
+        self * other
+    }
+    #[inline(always)]
+    fn total(self) -> f64 {
+        let p: [f64; 4] = cast(self.lanes);
+        (p[0] + p[2]) + (p[1] + p[3])
+    }
+}
+
+/// One schedule with rows in the 256-bit registers of `S`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Packed<S>(pub S);
+
+impl<S: Simd> Arithmetic for Packed<S> {
+    type Number = f64;
+    type Triple = Register<S, false>;
+    type Quad = Register<S, false>;
+    type Node = Register<S, false>;
+    const NODES: usize = 4;
+
+    #[inline(always)]
+    fn number(self, value: f64) -> f64 {
+        value
+    }
+    #[inline(always)]
+    fn triple(self, entries: [f64; 3]) -> Self::Triple {
+        self.quad([entries[0], entries[1], entries[2], 0.0])
+    }
+    #[inline(always)]
+    fn constants(self, padded: &[f64; 4]) -> Self::Triple {
+        self.quad(*padded)
+    }
+    #[inline(always)]
+    fn quad(self, entries: [f64; 4]) -> Self::Quad {
+        Register::new(self.0, cast(entries))
+    }
+    #[inline(always)]
+    fn at_nodes(self, value: f64) -> Self::Node {
+        Register::new(self.0, self.0.splat_f64s(value))
+    }
+    #[inline(always)]
+    fn nodes(self, values: &[f64; 4]) -> Self::Node {
+        self.quad(*values)
+    }
+    #[inline(always)]
+    fn sum_nodes(self, values: Self::Node) -> f64 {
+        let v: [f64; 4] = cast(values.lanes);
+        (v[0] + v[2]) + (v[1] + v[3])
+    }
+}
+
+/// Several schedules, one per lane of the registers of `S`.
+#[allow(dead_code, reason = "for several schedules at once")]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lanes<S>(pub S);
+
+impl<S: Simd> Arithmetic for Lanes<S> {
+    type Number = Register<S, true>;
+    type Triple = Array<Register<S, true>, 3>;
+    type Quad = Array<Register<S, true>, 4>;
+    type Node = Register<S, true>;
+    const NODES: usize = 1;
+
+    #[inline(always)]
+    fn number(self, value: f64) -> Self::Number {
+        Register::new(self.0, self.0.splat_f64s(value))
+    }
+    #[inline(always)]
+    fn triple(self, entries: [Self::Number; 3]) -> Self::Triple {
+        Array(entries)
+    }
+    #[inline(always)]
+    fn constants(self, padded: &[f64; 4]) -> Self::Triple {
+        Array(three!(|i| self.number(padded[i])))
+    }
+    #[inline(always)]
+    fn quad(self, entries: [Self::Number; 4]) -> Self::Quad {
+        Array(entries)
+    }
+    #[inline(always)]
+    fn at_nodes(self, value: Self::Number) -> Self::Node {
+        value
+    }
+    #[inline(always)]
+    fn nodes(self, values: &[f64; 4]) -> Self::Node {
+        self.number(values[0])
+    }
+    #[inline(always)]
+    fn sum_nodes(self, values: Self::Node) -> Self::Number {
+        values
+    }
+}
