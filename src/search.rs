@@ -1,17 +1,24 @@
 //! The search: from a platform and an objective to the recommended schedule.
 //!
-//! 1. **Propose** ([`propose`]): random attitudes and structured sets (icosahedron, cube), as
-//!    many starts as asked for, each from its own random stream, in parallel.
+//! 1. **Propose** ([`propose`]): random attitudes, structured sets (icosahedron, cube) and the
+//!    standard schemes, as many starts as asked for, each from its own random stream, in parallel.
 //! 2. **Refine** ([`refine`]): L-BFGS (argmin) with the exact gradient on all angles and dwells
 //!    at once ([`variables`]).
 //! 3. **Allocate** ([`allocate`]): dwell times by a sequence of convex quadratic programs
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
 //!    pay is a position somebody has to drive to.
-//! 4. **Round**: dwells to whole filter periods, angles to 0.001°, and refine the angles once
+//! 4. **Improve** ([`order`]): for the best few, proposals beyond what the gradient sees, each
+//!    refined for a while: other orders of the positions by 2-opt and or-opt moves, positions
+//!    inserted where the exact directional derivative over the attitude set promises most, and
+//!    random kicks. Of the Euler triples of an attitude the quickest to reach are taken.
+//! 5. **Round**: dwells to whole filter periods, angles to 0.001°, and refine the angles once
 //!    more in between.
-//! 5. **Check**: the winner goes through [`Evaluator::evaluate`], which computes its covariance
+//! 6. **Check**: the winner goes through [`Evaluator::evaluate`], which computes its covariance
 //!    a second time by the step-by-step square-root filter.
+//!
+//! On an index table the place of L-BFGS is taken by coordinate exchange, every place estimated
+//! at the cost of one dwell.
 //!
 //! The result depends on the problem and the seed only, not on the number of threads, unless a
 //! time limit or a cancellation ends the search early.
@@ -32,6 +39,8 @@ mod tumbling;
 pub mod variables;
 mod workshop;
 
+use crate::criterion::Criterion;
+use crate::drift::DriftCoefficient;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::MAX_FILTER_PERIODS;
@@ -46,7 +55,7 @@ pub use progress::{Control, Phase, Progress};
 pub struct SearchProblem {
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
-    /// Most positions of the schedule.
+    /// Most positions of the schedule; a turn, with its start and its end, counts as one.
     pub max_positions: usize,
     /// How many starts.
     pub starts: usize,
@@ -262,10 +271,39 @@ fn verdict(
             ),
         );
     }
-    (
-        Status::Converged,
-        "all starts were screened, the best refined to convergence, and the winner was \
-         confirmed by the step-by-step filter"
-            .to_owned(),
-    )
+    let missed = missed_specifications(evaluator, evaluation);
+    if matches!(evaluator.objective().criterion, Criterion::MaxRatio { .. }) && !missed.is_empty() {
+        return (
+            Status::Infeasible,
+            format!(
+                "no schedule found meets the specification in {:.0} s: missed by {}; one {:.4} \
+                 times as wide is met",
+                evaluation.total_time_s,
+                missed.join(", "),
+                score.criterion
+            ),
+        );
+    }
+    let mut reason = "all starts were screened, the best refined to convergence, and the winner \
+                      was confirmed by the step-by-step filter"
+        .to_owned();
+    if !missed.is_empty() {
+        reason.push_str("; the specification is missed by ");
+        reason.push_str(&missed.join(", "));
+    }
+    (Status::Converged, reason)
+}
+
+/// The coefficients that miss their specification, with both numbers.
+pub(crate) fn missed_specifications(evaluator: &Evaluator, evaluation: &Evaluation) -> Vec<String> {
+    let Some(spec) = evaluator.objective().spec_deg_per_h else {
+        return Vec::new();
+    };
+    let sigma = evaluation.end.sigma_deg_per_h();
+    DriftCoefficient::ALL
+        .into_iter()
+        .map(|c| (c.name(), sigma[c.index()], spec[c.index()]))
+        .filter(|(_, sigma, spec)| sigma > spec)
+        .map(|(name, sigma, spec)| format!("{name} ({sigma:.3e} > {spec:.3e} deg/h)"))
+        .collect()
 }

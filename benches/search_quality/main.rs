@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench search_quality                    # the search, five seeds, all problems
 //! cargo bench --bench search_quality -- --against       # and the other optimisers
+//! cargo bench --bench search_quality -- --times         # mode time against mode accuracy
 //! cargo bench --bench search_quality -- stand table-45  # some problems only
 //! ```
 //!
@@ -24,7 +25,11 @@ use std::time::Instant;
 
 use competitors::Competitor;
 use problems::Problem;
-use scheme_opt::search::{Control, Counters, SearchOutcome, search};
+use scheme_opt::criterion::Criterion;
+use scheme_opt::drift::CoefficientVector;
+use scheme_opt::evaluate::{Evaluator, Objective};
+use scheme_opt::search::shortest::shortest;
+use scheme_opt::search::{Control, Counters, SearchOutcome, SearchProblem, search};
 
 const SEEDS: u64 = 5;
 /// How much more time than the search the other optimisers get.
@@ -42,6 +47,9 @@ fn main() {
         .into_iter()
         .filter(|p| wanted.is_empty() || wanted.iter().any(|w| *w == p.name))
         .collect();
+    if arguments.iter().any(|a| a == "--times") {
+        return times_table(&problems);
+    }
     search_table(&problems, seeds);
     if against {
         against_table(&problems);
@@ -90,6 +98,47 @@ fn search_table(problems: &[Problem], seeds: u64) {
             runs.iter().map(count).max().unwrap(),
             work(|c| c.evaluations),
             work(|c| c.gradients),
+        );
+    }
+}
+
+/// Mode `time` asked for the accuracy that mode `accuracy` reached: does it need as long?
+fn times_table(problems: &[Problem]) {
+    println!(
+        "| problem | T, s | largest ratio reached in T | shortest test for it, s | of T | s |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for problem in problems {
+        let plain = problem.evaluator();
+        let search_problem = problem.search_problem(1);
+        let cancel = AtomicBool::new(false);
+        let control = Control::new(&cancel, &|_| {});
+        // The specification: 0.001 °/h for all, widened by the ratio that T allows.
+        let of = |deg_per_h: f64| Objective {
+            criterion: Criterion::MaxRatio {
+                spec_deg_per_h: CoefficientVector::repeat(deg_per_h),
+            },
+            spec_deg_per_h: Some(CoefficientVector::repeat(deg_per_h)),
+            ..*plain.objective()
+        };
+        let evaluator = Evaluator::new(plain.platform().clone(), of(0.001));
+        let accurate = search(&evaluator, &search_problem, &control).unwrap();
+        let ratio = accurate.evaluation.score.criterion;
+        let evaluator = Evaluator::new(plain.platform().clone(), of(0.001 * ratio));
+        let longer = SearchProblem {
+            total_time_s: 1.25 * search_problem.total_time_s,
+            seed: 2,
+            ..search_problem.clone()
+        };
+        let start = Instant::now();
+        let shortest = shortest(&evaluator, &longer, &control).unwrap();
+        let needed_s = shortest.evaluation.total_time_s;
+        println!(
+            "| {} | {:.0} | {ratio:.4} | {needed_s:.0} | {:+.2} % | {:.1} |",
+            problem.name,
+            search_problem.total_time_s,
+            100.0 * (needed_s / search_problem.total_time_s - 1.0),
+            start.elapsed().as_secs_f64(),
         );
     }
 }

@@ -59,6 +59,12 @@ pub fn front(
     outcome.front = feasible_points(evaluator, schedules)?;
     match outcome.front.last() {
         Some(last) => {
+            // A front has no specification to meet; its points say what can be met when.
+            if outcome.status == Status::Infeasible {
+                outcome.status = Status::Converged;
+                "every point of the front was worked out and confirmed by the step-by-step filter"
+                    .clone_into(&mut outcome.reason);
+            }
             outcome.schedule = last.schedule.clone();
             outcome.evaluation = last.evaluation.clone();
         }

@@ -9,10 +9,12 @@
 use super::pipeline::{Candidate, Context, Work, best_candidate};
 use super::tumbling::tumble;
 use super::variables::Plan;
-use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
+use super::{
+    Control, Phase, SearchOutcome, SearchProblem, Status, conclude, missed_specifications,
+    refuse_unsupported,
+};
 use crate::covariance::TickRule;
 use crate::criterion::Criterion;
-use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluator, Objective};
 use crate::schedule::Schedule;
@@ -63,7 +65,7 @@ pub fn shortest(
     };
     let longest = root.point(problem.total_time_s, problem.starts, &[])?;
     if longest.criterion > 1.0 {
-        return root.infeasible(&longest, &spec_deg_per_h);
+        return root.infeasible(&longest);
     }
     let best = root.narrow(longest)?;
     let plan = root.trim(best.plan);
@@ -237,30 +239,20 @@ impl RootSearch<'_> {
     }
 
     /// The nearest feasible points: what can be met in this time, what time would be enough.
-    fn infeasible(
-        &self,
-        longest: &Candidate,
-        spec_deg_per_h: &CoefficientVector,
-    ) -> Result<SearchOutcome> {
+    fn infeasible(&self, longest: &Candidate) -> Result<SearchOutcome> {
         let mut outcome = conclude(
             self.evaluator,
             self.control,
             self.work,
             longest.plan.to_schedule()?,
         )?;
-        let sigma = outcome.evaluation.end.sigma_deg_per_h();
-        let mut missed: Vec<String> = Vec::new();
-        for c in DriftCoefficient::ALL {
-            let (sigma, spec) = (sigma[c.index()], spec_deg_per_h[c.index()]);
-            if sigma > spec {
-                missed.push(format!("{} ({sigma:.3e} > {spec:.3e} deg/h)", c.name()));
-            }
-        }
+        let missed = missed_specifications(self.evaluator, &outcome.evaluation);
         let enough = match self.time_needed(longest) {
             Some(t) => format!("the specification can be met in {t:.0} s"),
             None => "no test of any length that was tried meets it".to_owned(),
         };
-        if outcome.status == Status::Converged {
+        let complete = matches!(outcome.status, Status::Converged | Status::Infeasible);
+        if complete && outcome.evaluation.score.meets_minimum_separability {
             outcome.status = Status::Infeasible;
             outcome.reason = format!(
                 "the specification is not met in {:.0} s, missed by {}; a specification {:.4} \

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use scheme_opt::evaluate::{Evaluator, Objective};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{Platform, PlatformConfig};
+use scheme_opt::schedule::ScheduledPosition;
 use scheme_opt::search::{Control, SearchOutcome, SearchProblem, search};
 
 /// A range of a gimbal, or none; with zero inside, so that an index table has a setting.
@@ -39,7 +40,10 @@ prop_compose! {
 }
 
 fn keeps_the_limits(platform: &Platform, problem: &SearchProblem, found: &SearchOutcome) {
-    let count = found.schedule.positions().len();
+    // A turn has two entries, its start and its end, and counts as one position.
+    let ends_turn = |p: &&ScheduledPosition| p.dwell_s == 0.0 && p.move_s.is_some();
+    let entries = found.schedule.positions();
+    let count = entries.len() - entries.iter().filter(ends_turn).count();
     assert!(count <= problem.max_positions, "{count} positions");
     // Ranges at the positions, the index table and given moves are checked on the way.
     let timeline = Timeline::new(platform, &found.schedule).unwrap();

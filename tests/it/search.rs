@@ -4,14 +4,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use scheme_opt::covariance::TickRule;
 use scheme_opt::criterion::Criterion;
 use scheme_opt::drift::CoefficientVector;
 use scheme_opt::evaluate::{Evaluator, Objective};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::PlatformConfig;
 use scheme_opt::schedule::standard::StandardScheme;
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::search::front::front;
 use scheme_opt::search::shortest::shortest;
 use scheme_opt::search::{Control, SearchOutcome, SearchProblem, Status, search};
@@ -274,44 +272,6 @@ fn positions_on_an_index_table_are_on_the_table() {
         println!("{step}: {rms}");
         assert!(rms < bound, "{step}: {rms}");
     }
-}
-
-#[test]
-fn up_to_four_axis_aligned_positions_are_the_best_of_all() {
-    let evaluator = evaluator(Objective::default(), |c| c.gimbals.step_deg = Some(90.0));
-    let attitudes = StandardScheme::from_name("axis-24").unwrap().positions();
-    let mut best = f64::INFINITY;
-    let dwell_s = 3000.0;
-    let held: Vec<ScheduledPosition> = attitudes
-        .iter()
-        .map(|p| ScheduledPosition::new(*p, dwell_s))
-        .collect();
-    for a in 0..24 {
-        for b in 0..24 {
-            for c in 0..24 {
-                for d in 0..24 {
-                    let positions = [a, b, c, d].map(|k| held[k]);
-                    let schedule = Schedule::new(positions.to_vec()).unwrap();
-                    let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
-                    let end = evaluator
-                        .model()
-                        .end_covariance_by_gram(&timeline, TickRule::Filter)
-                        .unwrap();
-                    best = best.min(Criterion::rms().value(&end.coefficients).unwrap());
-                }
-            }
-        }
-    }
-    let problem = SearchProblem {
-        max_positions: 4,
-        starts: 48,
-        position_tolerance: 0.0,
-        ..SearchProblem::default()
-    };
-    // The search also chooses the dwells, so it can only be better than equal ones.
-    let found = run(&evaluator, &problem).evaluation.rms_sigma_deg_per_h();
-    println!("search {found}, best of all with equal dwells {best}");
-    assert!(found <= best * (1.0 + 1e-9), "{found} {best}");
 }
 
 #[test]

@@ -34,7 +34,7 @@ fn schedules_are_compared_in_the_same_time() {
         "mine.csv",
         "edges-12 *",
         "faces-12 *",
-        "in spec, s",
+        "in spec",
         "D_SZ",
         "9000 s",
     ] {
