@@ -51,6 +51,7 @@
 
 pub mod attitude;
 pub mod baseline;
+pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod covariance;

@@ -1,0 +1,278 @@
+//! The majorant Δ(t) = f(t) diag(δ): the best of its family for a platform and a duration.
+
+use super::conditions::{Cells, Conditions};
+use super::profile::profile;
+use super::recursion::{Recursion, isotropic_holds};
+use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
+
+/// How Δ was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Majorant {
+    /// The vertical channel apart and the trace of the D_I marginalised.
+    Separated,
+    /// One number for the three channels, as if all of ψ^n were measured: for frame-hold
+    /// repositioning, whose moves turn ψ^n, and where the former finds nothing.
+    Isotropic,
+}
+
+impl Majorant {
+    /// The name used in documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Separated => "separated",
+            Self::Isotropic => "isotropic",
+        }
+    }
+}
+
+/// M(schedule) ⪯ mass · ∫ Aᵀ diag(δ) A dμ for every schedule of the duration, μ the share of f(t)
+/// spent at each attitude; on the complement of the trace when that is treated apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bounded {
+    pub kind: Majorant,
+    /// δ for North, Up, East, relative to f.
+    pub delta: [f64; 3],
+    /// ∫ f dt, (°/h)⁻².
+    pub mass: f64,
+    /// Bound on tᵀMt, (°/h)⁻², when the trace is treated apart.
+    pub trace_information: Option<f64>,
+}
+
+/// What the choice of δ is made for: the weights of the criterion on the parts of D that turn
+/// into themselves under rotation, and the prior information on them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Emphasis {
+    /// Constant drifts; antisymmetric and symmetric traceless part of the g-sensitive ones.
+    weights: [f64; 3],
+    prior: [f64; 3],
+    /// Whether δ_x = δ_z is asked for.
+    pub level: bool,
+}
+
+impl Emphasis {
+    /// For a criterion Σ w_i σ_i².
+    pub fn new(conditions: &Conditions, weights: &CoefficientVector, level: bool) -> Self {
+        let mut out = Self {
+            weights: [0.0; 3],
+            prior: [0.0; 3],
+            level,
+        };
+        let prior = conditions.prior_information();
+        for c in DriftCoefficient::ALL {
+            // Of each off-diagonal coefficient half is antisymmetric and half symmetric, of D_I
+            // two thirds are traceless.
+            let share = match c.kind() {
+                DriftKind::Constant => [1.0, 0.0, 0.0],
+                DriftKind::Input => [0.0, 0.0, 2.0 / 3.0],
+                DriftKind::Output | DriftKind::Spin => [0.0, 0.5, 0.5],
+            };
+            if prior[c.index()].is_infinite() {
+                continue;
+            }
+            for part in 0..3 {
+                out.weights[part] += share[part] * weights[c.index()];
+                out.prior[part] += share[part] * prior[c.index()] / [3.0, 3.0, 5.0][part];
+            }
+        }
+        out
+    }
+
+    /// What the best design reaches by δ when every attitude is allowed: each part of D then
+    /// gets the same information in all its directions.
+    fn value(&self, delta: &[f64; 3], mass: f64) -> f64 {
+        let [x, y, z] = *delta;
+        let shares = [
+            (x + y + z) / 3.0,
+            (x + z) / 6.0,
+            ((x + z) / 2.0 + 2.0 * y / 3.0) / 5.0,
+        ];
+        (0..3)
+            .map(|part| self.weights[part] / (self.prior[part] + mass * shares[part]))
+            .sum()
+    }
+}
+
+/// Relative accuracy of the scale of δ.
+const SCALE_ACCURACY: f64 = 2e-5;
+/// The same while ratios are compared.
+const COARSE_ACCURACY: f64 = 5e-4;
+/// Most factors of four that a scale is searched over.
+const LONGEST_BRACKET: usize = 60;
+
+/// The best majorant found; none when nothing is measured or nothing holds.
+pub(super) fn majorant(
+    conditions: &Conditions,
+    total_time_s: f64,
+    emphasis: &Emphasis,
+) -> Option<Bounded> {
+    let cells = Cells::new(conditions, total_time_s)?;
+    let profile = profile(conditions, &cells);
+    let recursion = Recursion::new(conditions.clone(), cells, profile);
+    if !conditions.frame_hold
+        && let Some(found) = separated(&recursion, emphasis)
+    {
+        return Some(found);
+    }
+    isotropic(&recursion)
+}
+
+fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Option<Bounded> {
+    let conditions = &recursion.conditions;
+    let trace_apart = conditions.trace_direction().is_some();
+    let trace_information = trace_apart
+        .then(|| recursion.trace_information())
+        .filter(|i| i.is_finite());
+    let trace_variance = match trace_information {
+        Some(_) => {
+            let prior = conditions.decoupled_prior_information();
+            let input = DriftCoefficient::IX.index();
+            let cells = &recursion.cells;
+            recursion
+                .sharing
+                .trace_variance(conditions, cells, prior[input].recip())
+        }
+        None => 0.0,
+    };
+    let mut search = RatioSearch {
+        recursion,
+        emphasis,
+        trace_variance,
+        kappa: 1e-3,
+        scale: 1.0,
+    };
+    let (delta, value) = search.best()?;
+    let majorant = Bounded {
+        kind: Majorant::Separated,
+        delta,
+        mass: recursion.mass,
+        trace_information,
+    };
+    value.is_finite().then_some(majorant)
+}
+
+/// Search for the ratios of δ, with the smallest scale that holds for each.
+struct RatioSearch<'a> {
+    recursion: &'a Recursion,
+    emphasis: &'a Emphasis,
+    trace_variance: f64,
+    kappa: f64,
+    /// The last scale found: the next is near.
+    scale: f64,
+}
+
+impl RatioSearch<'_> {
+    /// Pattern search over ln δ_y/δ_x and ln δ_z/δ_x.
+    fn best(&mut self) -> Option<([f64; 3], f64)> {
+        /// Furthest that δ_y may be from δ_x.
+        const SPAN: f64 = 14.0;
+        let mut at = [-2.0, 0.0];
+        let mut best = self.value(&at, COARSE_ACCURACY);
+        let mut steps = [1.0, if self.emphasis.level { 0.0 } else { 0.1 }];
+        while steps[0] > 0.03 {
+            let mut moved = false;
+            for axis in 0..2 {
+                for sign in [1.0, -1.0] {
+                    let mut next = at;
+                    next[axis] += sign * steps[axis];
+                    if steps[axis] == 0.0 || next[axis].abs() > SPAN {
+                        continue;
+                    }
+                    let value = self.value(&next, COARSE_ACCURACY);
+                    if better(value, best) {
+                        (at, best, moved) = (next, value, true);
+                        break;
+                    }
+                }
+            }
+            if !moved {
+                steps = steps.map(|s| 0.4 * s);
+            }
+        }
+        let mut found: Option<([f64; 3], f64)> = None;
+        for kappa in [1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1] {
+            self.kappa = kappa;
+            let value = self.value(&at, SCALE_ACCURACY);
+            if let Some((_, v)) = value
+                && found.is_none_or(|(_, least)| v > least)
+            {
+                found = value;
+            }
+        }
+        found
+    }
+
+    fn value(&mut self, at: &[f64; 2], accuracy: f64) -> Option<([f64; 3], f64)> {
+        let ratios = [1.0, at[0].exp(), at[1].exp()];
+        let (recursion, trace, kappa) = (self.recursion, self.trace_variance, self.kappa);
+        let holds = |s: f64| recursion.holds(&ratios.map(|r| r * s), trace, kappa);
+        let scale = smallest(self.scale, accuracy, holds)?;
+        self.scale = scale;
+        let delta = ratios.map(|r| r * scale);
+        Some((delta, self.emphasis.value(&delta, recursion.mass)))
+    }
+}
+
+fn better(a: Option<([f64; 3], f64)>, b: Option<([f64; 3], f64)>) -> bool {
+    match (a, b) {
+        (Some((_, a)), Some((_, b))) => a > b * (1.0 + 1e-9),
+        (Some(_), None) => true,
+        _ => false,
+    }
+}
+
+/// The smallest scale at which `holds` is seen to be true, from a guess, to a relative accuracy.
+fn smallest(guess: f64, accuracy: f64, holds: impl Fn(f64) -> bool) -> Option<f64> {
+    let mut step = 1.02;
+    let (mut low, mut high) = (guess, guess);
+    if holds(guess) {
+        for _ in 0..LONGEST_BRACKET {
+            low = high / step;
+            if !holds(low) {
+                break;
+            }
+            high = low;
+            step = f64::min(step * step, 4.0);
+        }
+    } else {
+        let mut found = false;
+        for _ in 0..LONGEST_BRACKET {
+            high = low * step;
+            if holds(high) {
+                found = true;
+                break;
+            }
+            low = high;
+            step = f64::min(step * step, 4.0);
+        }
+        if !found {
+            return None;
+        }
+    }
+    while high / low > 1.0 + accuracy {
+        let middle = (high * low).sqrt();
+        if holds(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Some(high)
+}
+
+fn isotropic(recursion: &Recursion) -> Option<Bounded> {
+    let psd = recursion.conditions.drift_psd;
+    let shaped = smallest(1.0, SCALE_ACCURACY, |s| isotropic_holds(recursion, s))
+        .map(|scale| (scale, recursion.mass));
+    // x = 0 in the variational form: 𝓖 ⪯ 1/q, whatever is measured and however ψ^n is turned.
+    let flat = (psd > 0.0).then(|| (psd.recip(), recursion.cells.total_time_s));
+    let (scale, mass) = [shaped, flat]
+        .into_iter()
+        .flatten()
+        .min_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1)))?;
+    Some(Bounded {
+        kind: Majorant::Isotropic,
+        delta: [scale; 3],
+        mass,
+        trace_information: None,
+    })
+}
