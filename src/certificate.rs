@@ -44,7 +44,7 @@ mod shortest;
 use rayon::prelude::*;
 
 use crate::criterion::Criterion;
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Platform;
@@ -53,7 +53,7 @@ use criteria::{Bracket, Problem};
 use design::Space;
 use directions::{Allowed, Directions};
 pub use majorant::Majorant;
-use majorant::{Bounded, Emphasis, majorant};
+use majorant::{Bounded, Choice, Emphasis, majorants};
 pub use shortest::MinimumTime;
 
 /// Relative margin on every bound: rounding, and filter periods counted as whole when they are
@@ -68,6 +68,8 @@ const LEAST_PRIOR: f64 = 1e-13;
 pub struct Certifier {
     conditions: Conditions,
     directions: Directions,
+    /// Every attitude, where the gimbals are limited.
+    unlimited: Option<Directions>,
 }
 
 /// What no schedule of a given duration can beat by one criterion.
@@ -116,9 +118,12 @@ pub struct Bound {
 impl Certifier {
     /// For schedules on `platform`.
     pub fn new(platform: &Platform) -> Self {
+        let directions = Directions::new(platform.gimbals(), platform.motion());
+        let limited = matches!(directions.allowed, Allowed::Cover { .. });
         Self {
             conditions: Conditions::new(platform),
-            directions: Directions::new(platform.gimbals(), platform.motion()),
+            directions,
+            unlimited: limited.then(Directions::unlimited),
         }
     }
 
@@ -135,13 +140,41 @@ impl Certifier {
         total_time_s: f64,
     ) -> Result<CriterionBound> {
         self.check_time(total_time_s)?;
-        let emphasis = self.emphasis(criterion);
-        let Some(bounded) = majorant(&self.conditions, total_time_s, &emphasis) else {
-            return self.without_majorant(criterion, total_time_s);
+        let mut best: Option<CriterionBound> = None;
+        for (directions, emphasis) in self.relaxations(criterion) {
+            for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
+                let problem = self.problem(directions, bounded);
+                let bracket = self.bracket(&problem, criterion)?;
+                let found = finish(bracket, in_use(&problem, &bounded, total_time_s))?;
+                if best.is_some_and(|b| found.lower_bound <= b.lower_bound) {
+                    // The ones that follow only go further the same way.
+                    break;
+                }
+                best = Some(found);
+            }
+        }
+        match best {
+            Some(found) => Ok(found),
+            None => self.without_majorant(criterion, total_time_s),
+        }
+    }
+
+    /// What is tried, the largest bound being the answer: with the gimbals' limits, where the
+    /// heading is not followed and North and East are taken alike; and as if there were none.
+    fn relaxations(&self, criterion: &Criterion) -> Vec<(&Directions, Emphasis)> {
+        let of = |directions: &Directions| {
+            let choice = match directions.allowed {
+                Allowed::Everything => Choice::Free,
+                Allowed::Cover { .. } => Choice::Level,
+                Allowed::Table(_) => Choice::Lean,
+            };
+            self.emphasis(criterion, choice)
         };
-        let problem = self.problem(bounded);
-        let bracket = self.bracket(&problem, criterion)?;
-        finish(bracket, Some(in_use(&problem, &bounded, total_time_s)))
+        let mut all = vec![(&self.directions, of(&self.directions))];
+        if let Some(unlimited) = &self.unlimited {
+            all.push((unlimited, of(unlimited)));
+        }
+        all
     }
 
     /// The same with a bound on the RMS σ and on each σ.
@@ -172,14 +205,15 @@ impl Certifier {
     /// As [`Certifier::criterion_bound`].
     pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
         self.check_time(total_time_s)?;
-        let emphasis = self.emphasis(&Criterion::rms());
-        let Some(bounded) = majorant(&self.conditions, total_time_s, &emphasis) else {
+        let (directions, emphasis) = self.relaxations(&Criterion::rms())[0];
+        let found = majorants(&self.conditions, total_time_s, &emphasis);
+        let Some(bounded) = found.first() else {
             return match self.is_measured(total_time_s) {
                 true => Ok(CoefficientVector::zeros()),
                 false => Ok(self.conditions.prior_sigma),
             };
         };
-        let problem = self.problem(bounded);
+        let problem = self.problem(directions, *bounded);
         let sigmas: Result<Vec<f64>> = (0..COEFFICIENTS)
             .into_par_iter()
             .map(|i| {
@@ -209,25 +243,26 @@ impl Certifier {
         conditions::Cells::new(&self.conditions, total_time_s).is_some()
     }
 
-    fn emphasis(&self, criterion: &Criterion) -> Emphasis {
+    fn emphasis(&self, criterion: &Criterion, choice: Choice) -> Emphasis {
         let weights = match criterion {
             Criterion::A { weights } => *weights,
             Criterion::MaxRatio { spec_deg_per_h } => spec_deg_per_h.map(|s| (s * s).recip()),
             Criterion::D | Criterion::E => CoefficientVector::repeat(1.0),
         };
-        // Limited gimbals: the heading is not followed, so North and East are taken alike.
-        let level = matches!(self.directions.allowed, Allowed::Cover { .. });
-        Emphasis::new(&self.conditions, &weights, level)
+        Emphasis::new(&self.conditions, &weights, choice)
     }
 
     /// The design problem that a majorant leaves.
-    fn problem(&self, bounded: Bounded) -> Problem<'_> {
+    fn problem<'a>(&'a self, directions: &'a Directions, bounded: Bounded) -> Problem<'a> {
         let conditions = &self.conditions;
         let (information, trace) = match (bounded.trace_information, conditions.trace_direction()) {
             (Some(measured), Some(t)) => {
                 let prior = conditions.decoupled_prior_information();
-                let of_trace = t.component_mul(&t).dot(&prior);
-                (prior, Some((t, of_trace + measured)))
+                // The three D_I have the same, so t has it too.
+                (
+                    prior,
+                    Some((t, prior[DriftCoefficient::IX.index()] + measured)),
+                )
             }
             _ => (conditions.prior_information(), None),
         };
@@ -236,7 +271,7 @@ impl Certifier {
         let information = information.map(|v| v.max(least));
         let direction = trace.as_ref().map(|(t, _)| t);
         Problem {
-            space: Space::new(&self.directions, bounded, &information, direction),
+            space: Space::new(directions, bounded, &information, direction),
             trace,
         }
     }
@@ -274,8 +309,8 @@ impl Certifier {
         })
     }
 
-    /// What a reader of the bound should know.
-    fn remarks(&self, bound: &CriterionBound) -> Vec<String> {
+    /// What a reader of the bound should know: what it does not cover, why it is weak.
+    pub fn remarks(&self, bound: &CriterionBound) -> Vec<String> {
         let mut remarks = Vec::new();
         match bound.majorant.map(|m| m.kind) {
             None if bound.lower_bound > 0.0 => remarks.push(
@@ -324,10 +359,7 @@ enum Scale {
     LogDeterminant(f64),
 }
 
-fn finish(
-    (bracket, scale): (Bracket, Scale),
-    majorant: Option<MajorantInUse>,
-) -> Result<CriterionBound> {
+fn finish((bracket, scale): (Bracket, Scale), majorant: MajorantInUse) -> Result<CriterionBound> {
     let value = |v: f64| match scale {
         Scale::Variance(weight) => (v.max(0.0) / weight).sqrt(),
         Scale::LogDeterminant(count) => (v / (2.0 * count)).exp(),
@@ -346,7 +378,7 @@ fn finish(
         } else {
             0.0
         },
-        majorant,
+        majorant: Some(majorant),
     })
 }
 

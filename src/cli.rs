@@ -9,6 +9,7 @@
 
 mod analyze;
 mod args;
+mod bound;
 mod evaluate;
 mod files;
 mod init;
@@ -94,6 +95,7 @@ fn dispatch(command: &Command) -> Result<Exit> {
         Command::Evaluate(args) => evaluate::run(args, output),
         Command::Analyze(args) => analyze::run(args, output),
         Command::Simulate(args) => simulate::run(args, output),
+        Command::Bound(args) => bound::run(args, output),
         Command::Init(args) => init::run(args, output),
         Command::Standard(args) => standard::run(args, output),
     }

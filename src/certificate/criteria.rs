@@ -10,7 +10,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::design::{Designed, Goal, Space, prior_part};
+use super::design::{Designed, Goal, ROUNDS, Space, prior_part};
 
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
@@ -44,7 +44,7 @@ impl Problem<'_> {
     /// Σ w_i P_ii.
     pub fn weighted_variance(&self, weights: &CoefficientVector) -> Result<Bracket> {
         let (y, fixed) = self.target(weights);
-        let rest = self.linear(y)?;
+        let rest = self.linear(y, ROUNDS)?;
         Ok(rest.map(|v| v + fixed))
     }
 
@@ -62,7 +62,9 @@ impl Problem<'_> {
         if self.space.every_attitude() {
             return Ok(fixed + plain);
         }
-        Ok(fixed + self.linear(y)?.lower.max(plain))
+        /// Enough for a bound on one σ, of which there are many.
+        const FEW_ROUNDS: usize = 3;
+        Ok(fixed + self.linear(y, FEW_ROUNDS)?.lower.max(plain))
     }
 
     /// Y and ‖W^{1/2} t‖²/κ for W = diag(weights).
@@ -84,7 +86,7 @@ impl Problem<'_> {
     }
 
     /// tr(Yᵀ S⁻¹ Y).
-    fn linear(&self, y: DMatrix<f64>) -> Result<Bracket> {
+    fn linear(&self, y: DMatrix<f64>, rounds: usize) -> Result<Bracket> {
         if self.space.size() == 0 || y.amax() == 0.0 {
             return Ok(Bracket {
                 lower: 0.0,
@@ -92,7 +94,7 @@ impl Problem<'_> {
             });
         }
         let mut goal = Linear { y };
-        let designed = self.space.optimise(&mut goal)?;
+        let designed = self.space.optimise(&mut goal, rounds)?;
         Ok(self.linear_bracket(&designed, &goal.y))
     }
 
@@ -114,7 +116,7 @@ impl Problem<'_> {
                 design: fixed,
             });
         }
-        let designed = self.space.optimise(&mut Determinant)?;
+        let designed = self.space.optimise(&mut Determinant, ROUNDS)?;
         let count = self.space.size() as f64;
         let log = log_determinant(&designed.inverse)?;
         let spent = prior_part(&designed.factor, &self.space.prior) + designed.largest;
@@ -137,7 +139,7 @@ impl Problem<'_> {
         let mut goal = WorstDirection {
             y: DMatrix::identity(size, size),
         };
-        let designed = self.space.optimise(&mut goal)?;
+        let designed = self.space.optimise(&mut goal, ROUNDS)?;
         let rest = self.linear_bracket(&designed, &goal.y);
         let largest = designed.inverse.symmetric_eigenvalues().max();
         Ok(Bracket {
@@ -172,7 +174,7 @@ impl Problem<'_> {
             y: DMatrix::zeros(0, 0),
             settled: false,
         };
-        let designed = self.space.optimise(&mut goal)?;
+        let designed = self.space.optimise(&mut goal, ROUNDS)?;
         let (y, fixed) = self.target(&goal.variance_weights());
         let rest = self.linear_bracket(&designed, &y);
         Ok(Bracket {
@@ -250,6 +252,9 @@ impl Goal for Determinant {
     }
 }
 
+/// How strongly the worst directions are preferred.
+const WORST_POWER: f64 = 8.0;
+
 /// λ_max(S⁻¹), through tr(Z S⁻¹) with Z ∝ S⁻ᵏ, which tends to the worst directions.
 struct WorstDirection {
     y: DMatrix<f64>,
@@ -257,17 +262,18 @@ struct WorstDirection {
 
 impl Goal for WorstDirection {
     fn factor(&mut self, inverse: &DMatrix<f64>) -> DMatrix<f64> {
-        const POWER: f64 = 12.0;
         let eigen = inverse.clone().symmetric_eigen();
         let top = eigen.eigenvalues.max();
-        let shares = eigen.eigenvalues.map(|v| (v / top).max(0.0).powf(POWER));
+        let shares = eigen
+            .eigenvalues
+            .map(|v| (v / top).max(0.0).powf(WORST_POWER));
         let sum: f64 = shares.iter().sum();
         let scale = DMatrix::from_diagonal(&shares.map(|s| (s / sum).sqrt()));
         self.y = &eigen.eigenvectors * scale;
         inverse * &self.y
     }
     fn exponent(&self) -> f64 {
-        0.5
+        (1.0 + WORST_POWER).recip()
     }
 }
 
@@ -298,7 +304,7 @@ impl Goal for WorstRatio<'_, '_> {
         let mean = ratios.dot(&self.weights);
         self.settled = ratios.max() <= mean * (1.0 + SETTLED);
         if !self.settled {
-            self.weights = self.weights.zip_map(&ratios, |w, r| w * (r / mean).sqrt());
+            self.weights = self.weights.zip_map(&ratios, |w, r| w * r / mean);
             self.weights /= self.weights.sum();
         }
         self.y = self.problem.target(&self.variance_weights()).0;

@@ -45,7 +45,7 @@ const START_SPACING: f64 = 0.26;
 const LARGEST_START: usize = 600;
 /// Iterations between two looks at the whole grid, and how often that is done.
 const ITERATIONS: usize = 60;
-const ROUNDS: usize = 12;
+pub(super) const ROUNDS: usize = 12;
 /// A design is good enough when its bound is this close to its value, relatively.
 const GAP: f64 = 5e-4;
 /// Attitudes with less of the time than this part of an equal share are dropped.
@@ -128,13 +128,13 @@ impl<'a> Space<'a> {
         peak
     }
 
-    /// The best design for `goal`, at most `rounds` looks at the whole grid.
+    /// The best design for `goal`, at most `most_rounds` looks at the whole grid.
     ///
     /// # Errors
     ///
     /// [`Error::is_numerical`] when the information is too far from regular for double
     /// precision.
-    pub fn optimise(&self, goal: &mut dyn Goal) -> Result<Designed> {
+    pub fn optimise(&self, goal: &mut dyn Goal, most_rounds: usize) -> Result<Designed> {
         let mut design = Design {
             space: self,
             rows: self.start.clone(),
@@ -144,11 +144,11 @@ impl<'a> Space<'a> {
         loop {
             let (inverse, factor) = design.iterate(goal)?;
             rounds += 1;
-            let peak = self.peak(&factor, rounds >= ROUNDS);
+            let peak = self.peak(&factor, false);
             let prior = prior_part(&factor, &self.prior);
             let mean = design.mean(&factor);
             let near = (prior + peak.value) * (1.0 - GAP) <= prior + mean;
-            if rounds >= ROUNDS || (near && goal.is_settled()) {
+            if rounds >= most_rounds || (near && goal.is_settled()) {
                 let peak = self.peak(&factor, true);
                 return Ok(Designed {
                     inverse,
@@ -301,13 +301,12 @@ fn starting_attitudes(directions: &Directions) -> Vec<Attitude> {
             .flat_map(turned)
             .flatten()
             .collect(),
-        Allowed::Cover { marks } => {
-            let allowed = marks.iter().filter(|m| **m).count();
-            let stride = (3 * allowed).div_ceil(LARGEST_START).max(1);
-            let kept = directions.sphere.directions.iter().zip(marks);
-            kept.filter(|(_, mark)| **mark)
+        Allowed::Cover { directions, .. } => {
+            let stride = (3 * directions.len()).div_ceil(LARGEST_START).max(1);
+            directions
+                .iter()
                 .step_by(stride)
-                .flat_map(|(d, _)| turned(d))
+                .flat_map(turned)
                 .flatten()
                 .collect()
         }

@@ -14,8 +14,11 @@ use crate::platform::{GimbalRange, Gimbals, Motion};
 
 /// Spacing of the rings, rad: about 18 000 directions.
 const SPACING: f64 = 1.5 * PI / 180.0;
-/// Step at which ranges of α and β are sampled, rad.
-const SAMPLE: f64 = 1.0 * PI / 180.0;
+/// Smallest spacing for a small cover, rad.
+const FINEST: f64 = 0.3 * PI / 180.0;
+/// Step at which ranges of α and β are sampled, relative to the spacing, and most samples.
+const SAMPLE: f64 = 0.6;
+const MOST_SAMPLES: f64 = 100_000.0;
 /// Most attitudes of an index table that are visited one by one.
 const LARGEST_TABLE: usize = 60_000;
 
@@ -109,8 +112,10 @@ pub(super) enum Allowed {
     Everything,
     /// Directions that cover those the gimbal ranges allow, at any heading.
     Cover {
-        /// Which of the sphere's directions.
-        marks: Vec<bool>,
+        /// The directions.
+        directions: Vec<Vector3<f64>>,
+        /// Every allowed direction lies within this angle of one of them, rad.
+        radius: f64,
     },
     /// The attitudes of an index table whose moves take no time.
     Table(Vec<Attitude>),
@@ -138,15 +143,20 @@ impl Directions {
         };
         Self { sphere, allowed }
     }
+
+    /// Every attitude.
+    pub fn unlimited() -> Self {
+        Self {
+            sphere: Sphere::new(SPACING),
+            allowed: Allowed::Everything,
+        }
+    }
 }
 
 /// The sampled values of an angle: all of them within `half` of a sample.
-fn samples(range: Option<GimbalRange>) -> (Vec<f64>, f64) {
-    let (low, width) = match range {
-        Some(r) if r.high_rad - r.low_rad < TAU => (r.low_rad, r.high_rad - r.low_rad),
-        _ => (0.0, TAU),
-    };
-    let count = (width / SAMPLE).ceil().max(1.0);
+fn samples(range: Option<GimbalRange>, step: f64) -> (Vec<f64>, f64) {
+    let (low, width) = turned(range);
+    let count = (width / step).ceil().max(1.0);
     let step = width / count;
     let values = (0..count as usize)
         .map(|i| low + (i as f64 + 0.5) * step)
@@ -154,16 +164,41 @@ fn samples(range: Option<GimbalRange>) -> (Vec<f64>, f64) {
     (values, 0.5 * step)
 }
 
-/// The grid directions within reach of an allowed one. g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns
-/// about the rings' axis, so each (α, β) gives an arc.
-fn cover(sphere: &Sphere, gimbals: &Gimbals) -> Allowed {
-    let [alpha, beta, gamma] = gimbals.ranges;
-    let (alphas, half_alpha) = samples(alpha);
-    let (betas, half_beta) = samples(beta);
-    let (from, length) = match gamma {
+/// Start and width of a range, a whole turn at most.
+fn turned(range: Option<GimbalRange>) -> (f64, f64) {
+    match range {
         Some(r) if r.high_rad - r.low_rad < TAU => (r.low_rad, r.high_rad - r.low_rad),
         _ => (0.0, TAU),
-    };
+    }
+}
+
+/// The directions within the ranges, covered as finely as their share of the sphere allows.
+fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
+    let marks = marked(coarse, SPACING, gimbals);
+    let count = marks.iter().filter(|m| **m).count();
+    if count == marks.len() {
+        return Allowed::Everything;
+    }
+    let share = count as f64 / marks.len() as f64;
+    let spacing = (SPACING * share.sqrt()).max(FINEST);
+    let fine = Sphere::new(spacing);
+    let marks = marked(&fine, spacing, gimbals);
+    let kept = fine.directions.iter().zip(marks);
+    Allowed::Cover {
+        directions: kept.filter(|(_, m)| *m).map(|(d, _)| *d).collect(),
+        radius: fine.radius,
+    }
+}
+
+/// The grid directions within reach of an allowed one. g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns
+/// about the rings' axis, so each (α, β) gives an arc.
+fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
+    let [alpha, beta, gamma] = gimbals.ranges;
+    let area = turned(alpha).1 * turned(beta).1;
+    let step = (SAMPLE * spacing).max((area / MOST_SAMPLES).sqrt());
+    let (alphas, half_alpha) = samples(alpha, step);
+    let (betas, half_beta) = samples(beta, step);
+    let (from, length) = turned(gamma);
     let reach = half_alpha + half_beta + sphere.radius + 1e-9;
     let mut marks = vec![false; sphere.directions.len()];
     for &alpha in &alphas {
@@ -173,12 +208,11 @@ fn cover(sphere: &Sphere, gimbals: &Gimbals) -> Allowed {
             let azimuth = g.y.atan2(g.x);
             sphere.mark(&mut marks, colatitude, azimuth + from, length, reach);
         }
+        if marks.iter().all(|m| *m) {
+            break;
+        }
     }
-    if marks.iter().all(|m| *m) {
-        Allowed::Everything
-    } else {
-        Allowed::Cover { marks }
-    }
+    marks
 }
 
 /// The attitudes of an index table within the ranges; none when there are too many, or none.
@@ -260,7 +294,7 @@ mod tests {
     fn every_direction_is_near_the_grid() {
         for spacing in [0.3, 0.05] {
             let sphere = Sphere::new(spacing);
-            assert!(sphere.radius < 0.8 * spacing);
+            assert!(sphere.radius < spacing);
             for i in 0..2000 {
                 let z = 2.0 * fraction(i, 0.618_033_988_7) - 1.0;
                 let d = direction(z.acos(), TAU * fraction(i, 0.754_877_666));
@@ -278,13 +312,10 @@ mod tests {
             c.gimbals.beta_deg = Some([-20.0, 60.0]);
             c.gimbals.gamma_deg = Some([-40.0, 100.0]);
         });
-        let Allowed::Cover { marks } = &limited.allowed else {
+        let Allowed::Cover { directions, radius } = &limited.allowed else {
             panic!("a limited stand is a cover");
         };
-        let sphere = &limited.sphere;
-        let share = marks.iter().filter(|m| **m).count() as f64 / marks.len() as f64;
-        assert!(share < 0.6, "{share}");
-        for i in 0..3000 {
+        for i in 0..1000 {
             let g = Position::from_deg(
                 -30.0 + 80.0 * fraction(i, 0.819_172_513),
                 -20.0 + 80.0 * fraction(i, 0.671_043_607),
@@ -292,10 +323,11 @@ mod tests {
             )
             .attitude()
             .gravity_c();
-            for (d, mark) in sphere.directions.iter().zip(marks) {
-                assert!(*mark || d.dot(&g).min(1.0).acos() > sphere.radius);
-            }
+            let nearest = directions.iter().map(|d| d.dot(&g)).fold(-1.0, f64::max);
+            assert!(nearest.min(1.0).acos() <= radius + 1e-7);
         }
+        // The opposite of a level platform's gravity is out of reach.
+        assert!(directions.iter().all(|d| d.y < 0.9));
     }
 
     #[test]

@@ -27,6 +27,8 @@ use crate::drift::{CoefficientMatrix, DriftCoefficient, drift_matrix};
 
 /// Cosine of the angle within which a peak hides the lower ones beside it: 20°.
 const BESIDE: f64 = 0.94;
+/// What counts as high, relative to the highest.
+const HIGH: f64 = 0.97;
 /// Most peaks handed back.
 const PEAKS: usize = 12;
 /// Step of the numerical gradient, rad.
@@ -75,30 +77,32 @@ impl<'a> Attitudes<'a> {
         match &self.directions.allowed {
             Allowed::Table(attitudes) => self.table_peak(b, attitudes),
             Allowed::Everything => {
-                let values = self.values(&grouped);
-                let places = self.places(&grouped, &values, |_| true);
+                let directions = &self.directions.sphere.directions;
+                let values = self.values(&grouped, directions);
                 let (top, bottom) = extremes(&values);
                 let lost = (2.0 * self.directions.sphere.radius).sin().powi(2);
                 let range = (top - bottom) / (1.0 - 2.0 * lost);
-                let value = if rigorous { top + lost * range } else { top };
-                Peak { value, places }
+                Peak {
+                    value: if rigorous { top + lost * range } else { top },
+                    places: self.places(&grouped, directions, &values),
+                }
             }
-            Allowed::Cover { marks } => {
-                let values = self.values(&grouped);
-                let places = self.places(&grouped, &values, |i| marks[i]);
-                let value = if rigorous {
-                    self.cover_bound(&grouped, &values, marks)
-                } else {
-                    let marked = values.iter().zip(marks).filter(|(_, m)| **m);
-                    marked.map(|(v, _)| v.mean + v.swing).fold(0.0, f64::max)
+            Allowed::Cover { directions, radius } => {
+                let values = self.values(&grouped, directions);
+                let (top, _) = extremes(&values);
+                let value = match rigorous {
+                    true => self.cover_bound(&grouped, directions, &values, *radius),
+                    false => top,
                 };
-                Peak { value, places }
+                Peak {
+                    value,
+                    places: self.places(&grouped, directions, &values),
+                }
             }
         }
     }
 
-    fn values(&self, grouped: &Grouped) -> Vec<Value> {
-        let directions = &self.directions.sphere.directions;
+    fn values(&self, grouped: &Grouped, directions: &[Vector3<f64>]) -> Vec<Value> {
         directions.iter().map(|g| self.value(grouped, g)).collect()
     }
 
@@ -114,27 +118,29 @@ impl<'a> Attitudes<'a> {
         }
     }
 
-    /// φ(x) ≤ mean(p) + |∇mean| ρ + 4 (M − m) ρ² + swing(p) + 4 ρ · (largest swing).
-    fn cover_bound(&self, grouped: &Grouped, values: &[Value], marks: &[bool]) -> f64 {
-        let radius = self.directions.sphere.radius;
-        let lost = (2.0 * radius).sin().powi(2);
-        let top = values.iter().map(|v| v.mean).fold(0.0, f64::max);
-        let bottom = values.iter().map(|v| v.mean).fold(f64::INFINITY, f64::min);
+    /// φ(x) ≤ mean(p) + |∇mean| ρ + 4 (M − m) ρ² + swing(p) + 4 ρ · (largest swing), M and m over
+    /// the whole sphere.
+    fn cover_bound(
+        &self,
+        grouped: &Grouped,
+        directions: &[Vector3<f64>],
+        values: &[Value],
+        radius: f64,
+    ) -> f64 {
+        let sphere = &self.directions.sphere;
+        let everywhere = self.values(grouped, &sphere.directions);
+        let lost = (2.0 * sphere.radius).sin().powi(2);
+        let means = || everywhere.iter().map(|v| v.mean);
+        let top = means().fold(0.0, f64::max);
+        let bottom = means().fold(f64::INFINITY, f64::min);
         let range = (top - bottom) / (1.0 - 2.0 * lost);
-        let swing = values.iter().map(|v| v.swing).fold(0.0, f64::max) / (4.0 * radius).cos();
-        // Bernstein's largest slope decides which points can matter at all.
+        let swing = everywhere.iter().map(|v| v.swing).fold(0.0, f64::max);
+        let swing = swing / (4.0 * sphere.radius).cos();
         let rest = 4.0 * range * radius * radius + 4.0 * radius * swing;
         let mut bound = 0.0_f64;
-        for ((g, v), mark) in self
-            .directions
-            .sphere
-            .directions
-            .iter()
-            .zip(values)
-            .zip(marks)
-        {
-            let most = v.mean + v.swing + 2.0 * range * radius + rest;
-            if !mark || most <= bound {
+        for (g, v) in directions.iter().zip(values) {
+            // Bernstein's largest slope decides which points can matter at all.
+            if v.mean + v.swing + 2.0 * range * radius + rest <= bound {
                 continue;
             }
             // A central difference is off by at most h²/6 · 4³ · (M − m)/2 in each direction.
@@ -161,23 +167,17 @@ impl<'a> Attitudes<'a> {
     fn places(
         &self,
         grouped: &Grouped,
+        directions: &[Vector3<f64>],
         values: &[Value],
-        allowed: impl Fn(usize) -> bool,
     ) -> Vec<Attitude> {
-        let top = values
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| allowed(*i))
-            .map(|(_, v)| v.mean + v.swing)
-            .fold(0.0, f64::max);
+        let (top, _) = extremes(values);
         let mut high: Vec<(f64, usize)> = values
             .iter()
             .enumerate()
-            .filter(|(i, v)| allowed(*i) && v.mean + v.swing > 0.97 * top)
             .map(|(i, v)| (v.mean + v.swing, i))
+            .filter(|(value, _)| *value > HIGH * top)
             .collect();
         high.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let directions = &self.directions.sphere.directions;
         let mut chosen: Vec<usize> = Vec::new();
         for (_, i) in high {
             if chosen.len() >= PEAKS {

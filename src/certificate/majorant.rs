@@ -45,17 +45,28 @@ pub(super) struct Emphasis {
     /// Constant drifts; antisymmetric and symmetric traceless part of the g-sensitive ones.
     weights: [f64; 3],
     prior: [f64; 3],
-    /// Whether δ_x = δ_z is asked for.
-    pub level: bool,
+    choice: Choice,
+}
+
+/// Which majorants are looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Choice {
+    /// The best one when every attitude is allowed.
+    Free,
+    /// The best one with δ_x = δ_z.
+    Level,
+    /// The best one when every attitude is allowed, and some with less δ_y: where only axis-aligned
+    /// attitudes are allowed the vertical channel is all that tells the D_I apart.
+    Lean,
 }
 
 impl Emphasis {
     /// For a criterion Σ w_i σ_i².
-    pub fn new(conditions: &Conditions, weights: &CoefficientVector, level: bool) -> Self {
+    pub fn new(conditions: &Conditions, weights: &CoefficientVector, choice: Choice) -> Self {
         let mut out = Self {
             weights: [0.0; 3],
             prior: [0.0; 3],
-            level,
+            choice,
         };
         let prior = conditions.prior_information();
         for c in DriftCoefficient::ALL {
@@ -99,24 +110,31 @@ const COARSE_ACCURACY: f64 = 5e-4;
 /// Most factors of four that a scale is searched over.
 const LONGEST_BRACKET: usize = 60;
 
-/// The best majorant found; none when nothing is measured or nothing holds.
-pub(super) fn majorant(
+/// The majorants found, the best for every attitude first; none when nothing is measured or
+/// nothing holds.
+pub(super) fn majorants(
     conditions: &Conditions,
     total_time_s: f64,
     emphasis: &Emphasis,
-) -> Option<Bounded> {
-    let cells = Cells::new(conditions, total_time_s)?;
+) -> Vec<Bounded> {
+    let Some(cells) = Cells::new(conditions, total_time_s) else {
+        return Vec::new();
+    };
     let profile = profile(conditions, &cells);
     let recursion = Recursion::new(conditions.clone(), cells, profile);
-    if !conditions.frame_hold
-        && let Some(found) = separated(&recursion, emphasis)
-    {
-        return Some(found);
+    let separated = match conditions.frame_hold {
+        true => Vec::new(),
+        false => separated(&recursion, emphasis),
+    };
+    if separated.is_empty() {
+        return isotropic(&recursion).into_iter().collect();
     }
-    isotropic(&recursion)
+    separated
 }
 
-fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Option<Bounded> {
+fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Vec<Bounded> {
+    /// How much smaller than the best for every attitude δ_y is tried, as a logarithm.
+    const LEANER: [f64; 5] = [-0.7, -1.4, -2.1, -2.8, -3.5];
     let conditions = &recursion.conditions;
     let trace_apart = conditions.trace_direction().is_some();
     let trace_information = trace_apart
@@ -140,14 +158,21 @@ fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Option<Bounded> {
         kappa: 1e-3,
         scale: 1.0,
     };
-    let (delta, value) = search.best()?;
-    let majorant = Bounded {
-        kind: Majorant::Separated,
-        delta,
-        mass: recursion.mass,
-        trace_information,
-    };
-    value.is_finite().then_some(majorant)
+    let best = search.best();
+    let mut found: Vec<[f64; 3]> = search.sharpest(best).into_iter().collect();
+    if emphasis.choice == Choice::Lean {
+        let leaner = LEANER.map(|by| search.sharpest([best[0] + by, best[1]]));
+        found.extend(leaner.into_iter().flatten());
+    }
+    found
+        .into_iter()
+        .map(|delta| Bounded {
+            kind: Majorant::Separated,
+            delta,
+            mass: recursion.mass,
+            trace_information,
+        })
+        .collect()
 }
 
 /// Search for the ratios of δ, with the smallest scale that holds for each.
@@ -162,12 +187,19 @@ struct RatioSearch<'a> {
 
 impl RatioSearch<'_> {
     /// Pattern search over ln δ_y/δ_x and ln δ_z/δ_x.
-    fn best(&mut self) -> Option<([f64; 3], f64)> {
+    fn best(&mut self) -> [f64; 2] {
         /// Furthest that δ_y may be from δ_x.
         const SPAN: f64 = 14.0;
         let mut at = [-2.0, 0.0];
         let mut best = self.value(&at, COARSE_ACCURACY);
-        let mut steps = [1.0, if self.emphasis.level { 0.0 } else { 0.1 }];
+        let mut steps = [
+            1.0,
+            if self.emphasis.choice == Choice::Level {
+                0.0
+            } else {
+                0.1
+            },
+        ];
         while steps[0] > 0.03 {
             let mut moved = false;
             for axis in 0..2 {
@@ -188,6 +220,11 @@ impl RatioSearch<'_> {
                 steps = steps.map(|s| 0.4 * s);
             }
         }
+        at
+    }
+
+    /// δ for these ratios, with the split of the sampling's cost that suits it best.
+    fn sharpest(&mut self, at: [f64; 2]) -> Option<[f64; 3]> {
         let mut found: Option<([f64; 3], f64)> = None;
         for kappa in [1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1] {
             self.kappa = kappa;
@@ -198,7 +235,7 @@ impl RatioSearch<'_> {
                 found = value;
             }
         }
-        found
+        found.map(|(delta, _)| delta)
     }
 
     fn value(&mut self, at: &[f64; 2], accuracy: f64) -> Option<([f64; 3], f64)> {

@@ -38,6 +38,8 @@ pub(super) enum Command {
     Analyze(AnalyzeArgs),
     /// Play a given schedule through: true platform, filter, consistency over many runs
     Simulate(SimulateArgs),
+    /// Say what no schedule can beat, without searching for one
+    Bound(BoundArgs),
     /// Write a commented platform file
     Init(InitArgs),
     /// List the built-in schemes, or write one
@@ -52,6 +54,7 @@ impl Command {
             Self::Evaluate(a) => a.common.messages.quiet,
             Self::Analyze(a) => a.common.messages.quiet,
             Self::Simulate(a) => a.common.messages.quiet,
+            Self::Bound(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
         }
@@ -213,6 +216,16 @@ pub(super) struct SimulateArgs {
     /// Also find out how large a prior misalignment and drift the linearisation bears
     #[arg(long)]
     pub sweep: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `bound`.
+#[derive(Debug, Args)]
+pub(super) struct BoundArgs {
+    /// Platform file; without one, the built-in platform (see `init`)
+    #[arg(value_name = "PLATFORM.toml")]
+    pub platform: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
