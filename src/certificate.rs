@@ -37,6 +37,8 @@ mod directions;
 mod largest;
 mod majorant;
 mod profile;
+#[cfg(test)]
+mod proofs;
 mod recursion;
 mod sampling;
 mod shortest;

@@ -68,7 +68,7 @@ impl Problem<'_> {
     }
 
     /// Y and ‖W^{1/2} t‖²/κ for W = diag(weights).
-    fn target(&self, weights: &CoefficientVector) -> (DMatrix<f64>, f64) {
+    pub fn target(&self, weights: &CoefficientVector) -> (DMatrix<f64>, f64) {
         let root = weights.map(f64::sqrt);
         let mut projected = CoefficientMatrix::from_diagonal(&root);
         let mut fixed = 0.0;

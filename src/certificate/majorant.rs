@@ -107,6 +107,8 @@ impl Emphasis {
 const SCALE_ACCURACY: f64 = 2e-5;
 /// The same while ratios are compared.
 const COARSE_ACCURACY: f64 = 5e-4;
+/// Splits of what sharing out the measurements costs that are tried.
+const KAPPAS: [f64; 6] = [1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.05];
 /// Most factors of four that a scale is searched over.
 const LONGEST_BRACKET: usize = 60;
 
@@ -122,39 +124,36 @@ pub(super) fn majorants(
     };
     let profile = profile(conditions, &cells);
     let recursion = Recursion::new(conditions.clone(), cells, profile);
-    let separated = match conditions.frame_hold {
-        true => Vec::new(),
-        false => separated(&recursion, emphasis),
-    };
-    if separated.is_empty() {
-        return isotropic(&recursion).into_iter().collect();
+    if conditions.frame_hold {
+        return isotropic(&recursion, None).into_iter().collect();
     }
-    separated
-}
-
-fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Vec<Bounded> {
-    /// How much smaller than the best for every attitude δ_y is tried, as a logarithm.
-    const LEANER: [f64; 5] = [-0.7, -1.4, -2.1, -2.8, -3.5];
-    let conditions = &recursion.conditions;
     let trace_apart = conditions.trace_direction().is_some();
     let trace_information = trace_apart
         .then(|| recursion.trace_information())
         .filter(|i| i.is_finite());
-    let trace_variance = match trace_information {
-        Some(_) => {
-            let prior = conditions.decoupled_prior_information();
-            let input = DriftCoefficient::IX.index();
-            let cells = &recursion.cells;
-            recursion
-                .sharing
-                .trace_variance(conditions, cells, prior[input].recip())
-        }
-        None => 0.0,
-    };
+    let separated = separated(&recursion, emphasis, trace_information);
+    if separated.is_empty() {
+        // S is no more than the information with the trace known, which this majorises too.
+        return isotropic(&recursion, trace_information)
+            .into_iter()
+            .collect();
+    }
+    separated
+}
+
+fn separated(
+    recursion: &Recursion,
+    emphasis: &Emphasis,
+    trace_information: Option<f64>,
+) -> Vec<Bounded> {
+    /// How much smaller than the best for every attitude δ_y is tried, as a logarithm.
+    const LEANER: [f64; 5] = [-0.7, -1.4, -2.1, -2.8, -3.5];
+    let prior = recursion.conditions.decoupled_prior_information();
+    let known = prior[DriftCoefficient::IX.index()];
     let mut search = RatioSearch {
         recursion,
         emphasis,
-        trace_variance,
+        trace_variance: trace_information.map_or(0.0, |_| known.recip()),
         kappa: 1e-3,
         scale: 1.0,
     };
@@ -179,6 +178,7 @@ fn separated(recursion: &Recursion, emphasis: &Emphasis) -> Vec<Bounded> {
 struct RatioSearch<'a> {
     recursion: &'a Recursion,
     emphasis: &'a Emphasis,
+    /// Prior variance of the trace, or 0 where it counts as known.
     trace_variance: f64,
     kappa: f64,
     /// The last scale found: the next is near.
@@ -191,6 +191,7 @@ impl RatioSearch<'_> {
         /// Furthest that δ_y may be from δ_x.
         const SPAN: f64 = 14.0;
         let mut at = [-2.0, 0.0];
+        self.sharpest(at);
         let mut best = self.value(&at, COARSE_ACCURACY);
         let mut steps = [
             1.0,
@@ -223,24 +224,30 @@ impl RatioSearch<'_> {
         at
     }
 
-    /// δ for these ratios, with the split of the sampling's cost that suits it best.
+    /// δ for these ratios, with the split of the sampling's cost that suits it best, which is
+    /// kept.
     fn sharpest(&mut self, at: [f64; 2]) -> Option<[f64; 3]> {
         let mut found: Option<([f64; 3], f64)> = None;
-        for kappa in [1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1] {
+        let mut kept = self.kappa;
+        for kappa in KAPPAS {
             self.kappa = kappa;
             let value = self.value(&at, SCALE_ACCURACY);
-            if let Some((_, v)) = value
-                && found.is_none_or(|(_, least)| v > least)
-            {
-                found = value;
+            if better(value, found) {
+                (found, kept) = (value, kappa);
             }
         }
+        self.kappa = kept;
         found.map(|(delta, _)| delta)
     }
 
     fn value(&mut self, at: &[f64; 2], accuracy: f64) -> Option<([f64; 3], f64)> {
         let ratios = [1.0, at[0].exp(), at[1].exp()];
-        let (recursion, trace, kappa) = (self.recursion, self.trace_variance, self.kappa);
+        let (recursion, kappa) = (self.recursion, self.kappa);
+        let (conditions, cells) = (&recursion.conditions, &recursion.cells);
+        let wanted = self.trace_variance;
+        let trace = recursion
+            .sharing
+            .trace_variance(conditions, cells, wanted, kappa);
         let holds = |s: f64| recursion.holds(&ratios.map(|r| r * s), trace, kappa);
         let scale = smallest(self.scale, accuracy, holds)?;
         self.scale = scale;
@@ -296,7 +303,7 @@ fn smallest(guess: f64, accuracy: f64, holds: impl Fn(f64) -> bool) -> Option<f6
     Some(high)
 }
 
-fn isotropic(recursion: &Recursion) -> Option<Bounded> {
+fn isotropic(recursion: &Recursion, trace_information: Option<f64>) -> Option<Bounded> {
     let psd = recursion.conditions.drift_psd;
     let shaped = smallest(1.0, SCALE_ACCURACY, |s| isotropic_holds(recursion, s))
         .map(|scale| (scale, recursion.mass));
@@ -310,6 +317,6 @@ fn isotropic(recursion: &Recursion) -> Option<Bounded> {
         kind: Majorant::Isotropic,
         delta: [scale; 3],
         mass,
-        trace_information: None,
+        trace_information,
     })
 }

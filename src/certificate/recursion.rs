@@ -117,16 +117,23 @@ impl Recursion {
         if self.conditions.omega_north == 0.0 {
             return 0.0;
         }
-        [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1]
-            .into_iter()
-            .filter_map(|kappa| self.trace_information_with(kappa))
-            .fold(f64::INFINITY, f64::min)
+        let shares = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1];
+        let mut least = f64::INFINITY;
+        for kappa in shares {
+            for share in shares {
+                if let Some(information) = self.trace_information_with(kappa, share) {
+                    least = least.min(information);
+                }
+            }
+        }
+        least
     }
 
-    fn trace_information_with(&self, kappa: f64) -> Option<f64> {
+    fn trace_information_with(&self, kappa: f64, share: f64) -> Option<f64> {
+        let (conditions, cells) = (&self.conditions, &self.cells);
         let left = self
             .sharing
-            .left_over_of_noise(&self.conditions, &self.cells, kappa);
+            .left_over_of_noise(conditions, cells, kappa, share);
         let noise = self.sharing.grid_noise(&self.cells, left);
         if noise.is_nan() || noise <= 0.0 {
             return None;
@@ -158,7 +165,7 @@ impl Recursion {
         let bound = (1.0 + kappa) * information;
         let least = self
             .sharing
-            .least_trace_information(&self.conditions, &self.cells, kappa);
+            .least_trace_information(conditions, cells, kappa, share);
         Some(bound.max(least))
     }
 }
@@ -210,7 +217,8 @@ pub(super) fn isotropic_holds(recursion: &Recursion, delta: f64) -> bool {
         let spent = cells.per_cell * weight * cells.length_s / 4.0;
         (conditions.noise_variance - spent) / cells.per_cell
     };
-    let mut p = conditions.prior_psi.max();
+    // The smallest: a larger prior than there is would hide information.
+    let mut p = conditions.prior_psi.min();
     for node in 0..=cells.count {
         if node > 0 {
             let rate = psd - (delta * recursion.profile[node - 1]).recip();

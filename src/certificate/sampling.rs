@@ -11,8 +11,8 @@ use super::conditions::{Cells, Conditions};
 
 /// Share of the measurement noise that a vertical part of a shared-out jump may cost.
 const VERTICAL_SHARE: f64 = 1e-5;
-/// Share of the measurement noise that the trace's integral may cost.
-const TRACE_SHARE: f64 = 1e-4;
+/// Share of the measurement noise that the trace's integral may cost, relative to κ.
+const TRACE_SHARE: f64 = 0.3;
 
 /// Bounds on what sharing out a jump changes, relative to the jump.
 #[derive(Debug, Clone, Copy)]
@@ -57,18 +57,26 @@ impl Sharing {
 
     /// The largest variance of the trace, at most `wanted`, whose integral costs no more than
     /// its share of the measurement noise.
-    pub fn trace_variance(&self, conditions: &Conditions, cells: &Cells, wanted: f64) -> f64 {
-        wanted.min(TRACE_SHARE * conditions.noise_variance / self.trace_cost(cells))
+    pub fn trace_variance(
+        &self,
+        conditions: &Conditions,
+        cells: &Cells,
+        wanted: f64,
+        kappa: f64,
+    ) -> f64 {
+        wanted.min(TRACE_SHARE * kappa * conditions.noise_variance / self.trace_cost(cells))
     }
 
-    /// Smallest information on the trace for which its integral costs no more than its share.
+    /// Smallest information on the trace for which its integral costs no more than `share` of
+    /// the measurement noise.
     pub fn least_trace_information(
         &self,
         conditions: &Conditions,
         cells: &Cells,
         kappa: f64,
+        share: f64,
     ) -> f64 {
-        (1.0 + kappa.recip()) * self.trace_cost(cells) / (TRACE_SHARE * conditions.noise_variance)
+        (1.0 + kappa.recip()) * self.trace_cost(cells) / (share * conditions.noise_variance)
     }
 
     /// (δ∫c·λ)² per Σ|c|²: the trace drifts by 1/√3 upwards.
@@ -101,15 +109,21 @@ impl Sharing {
         let square =
             weight[1].max(0.0) * vertical + horizontal * length * (0.5 + self.inside_turn).powi(2);
         let spent = cells.per_cell * (2.0 / kappa * cross + square);
-        conditions.noise_variance * (1.0 - TRACE_SHARE) - spent
+        conditions.noise_variance * (1.0 - TRACE_SHARE * kappa) - spent
     }
 
     /// What is left of r² where the process noise itself, not a majorant, is the weight.
-    pub fn left_over_of_noise(&self, conditions: &Conditions, cells: &Cells, kappa: f64) -> f64 {
+    pub fn left_over_of_noise(
+        &self,
+        conditions: &Conditions,
+        cells: &Cells,
+        kappa: f64,
+        share: f64,
+    ) -> f64 {
         let length = cells.length_s;
         let swing = (conditions.omega * length).powi(2) / 16.0;
         let cross = self.inside_up.powi(2) + self.inside_turn.powi(2) + swing;
         let spent = cells.per_cell * 2.0 / kappa * conditions.drift_psd * length * cross;
-        conditions.noise_variance * (1.0 - TRACE_SHARE) - spent
+        conditions.noise_variance * (1.0 - share) - spent
     }
 }
