@@ -12,11 +12,11 @@
 //! and its dual gives a number that no sequence of positions, no order, no turning motion and no
 //! choice of measurement times can beat. `docs/certificate.md` has the proof of every step.
 //!
-//! 1. [`majorant`]: Δ, tested in O(N) by a Kalman filter with negative process noise
-//!    ([`recursion`]), for every admissible set of measurement times at once ([`sampling`]).
-//! 2. [`design`]: the convex design over the allowed attitudes ([`directions`]) and its dual, with
-//!    a rigorous maximum over all of them ([`largest`]).
-//! 3. [`criteria`]: what that says of `a`, `d`, `e`, `max-ratio`, and of each σ.
+//! 1. `majorant`: Δ, tested in O(N) by a Kalman filter with negative process noise
+//!    (`recursion`), for every admissible set of measurement times at once (`sampling`).
+//! 2. `design`: the convex design over the allowed attitudes (`directions`) and its dual, with
+//!    a rigorous maximum over all of them (`largest`).
+//! 3. `criteria`: what that says of `a`, `d`, `e`, `max-ratio`, and of each σ.
 //!
 //! ```
 //! use scheme_opt::certificate::Certifier;

@@ -46,8 +46,8 @@
 //!
 //! Layers point one way: [`attitude`], [`units`], [`dynamics`] → [`drift`], [`platform`],
 //! [`schedule`], [`motion`] → [`covariance`], [`observability`] → [`criterion`], [`evaluate`] →
-//! [`search`] → results and command line. The model never sees the search, and the library never
-//! prints.
+//! [`search`], [`certificate`] (what no schedule can beat) → results and command line. The model
+//! never sees the search, nor the search the certificate, and the library never prints.
 
 pub mod attitude;
 pub mod baseline;
