@@ -134,14 +134,15 @@ impl Certifier {
     ///
     /// # Errors
     ///
-    /// [`Error::is_input`] for a duration that is not positive or has too many filter periods;
+    /// [`Error::is_input`] for a duration that is not positive or has too many filter periods, or
+    /// when every coefficient is known already;
     /// [`Error::is_numerical`] where double precision does not suffice.
     pub fn criterion_bound(
         &self,
         criterion: &Criterion,
         total_time_s: f64,
     ) -> Result<CriterionBound> {
-        self.check_time(total_time_s)?;
+        self.check(total_time_s)?;
         let mut best: Option<CriterionBound> = None;
         for (directions, emphasis) in self.relaxations(criterion) {
             for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
@@ -206,7 +207,7 @@ impl Certifier {
     ///
     /// As [`Certifier::criterion_bound`].
     pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
-        self.check_time(total_time_s)?;
+        self.check(total_time_s)?;
         let (directions, emphasis) = self.relaxations(&Criterion::rms())[0];
         let found = majorants(&self.conditions, total_time_s, &emphasis);
         let Some(bounded) = found.first() else {
@@ -227,8 +228,14 @@ impl Certifier {
         Ok(CoefficientVector::from_vec(sigmas?))
     }
 
-    fn check_time(&self, total_time_s: f64) -> Result<()> {
+    fn check(&self, total_time_s: f64) -> Result<()> {
         const KEY: &str = "objective.total_time_s";
+        if self.conditions.prior_sigma.max() == 0.0 {
+            return Err(Error::input(
+                "every drift coefficient is known exactly: there is nothing to calibrate",
+            )
+            .with_key("prior"));
+        }
         if total_time_s.is_nan() || total_time_s <= 0.0 {
             return Err(Error::out_of_range(KEY, total_time_s, "greater than 0"));
         }
@@ -324,8 +331,8 @@ impl Certifier {
                     .to_owned(),
             ),
             Some(Majorant::Isotropic) if self.conditions.frame_hold => remarks.push(
-                "weak bound, because in frame-hold repositioning moves turn the misalignment: it \
-                 is as if all three of its components were measured"
+                "in frame-hold repositioning moves turn the misalignment: it is as if all three of \
+                 its components were measured"
                     .to_owned(),
             ),
             Some(Majorant::Isotropic) => remarks.push(

@@ -512,8 +512,8 @@ impl ResultDocument {
         certifier: &Certifier,
         objective: &Objective,
     ) -> Self {
-        let times = self.pareto.iter().map(|point| point.total_time_s);
-        let bounds = bound::front_bounds(certifier, objective, times);
+        let times: Vec<f64> = self.pareto.iter().map(|p| p.total_time_s).collect();
+        let bounds = bound::front_bounds(certifier, objective, &times);
         for (point, lower_bound) in self.pareto.iter_mut().zip(bounds) {
             point.lower_bound = lower_bound;
         }

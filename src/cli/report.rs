@@ -92,8 +92,13 @@ fn within(certificate: &CertificateRecord) -> String {
         .iter()
         .map(|r| format!("; {r}"))
         .collect();
-    let (Some(bound), Some(gap)) = (certificate.lower_bound, certificate.gap_percent) else {
-        return format!("How far that is from the best possible is not known{remarks}.");
+    let (bound, gap) = match (certificate.lower_bound, certificate.gap_percent) {
+        (Some(bound), Some(gap)) => (bound, gap),
+        (Some(bound), None) if certificate.total_time_s.is_none() => {
+            let bound = table::seconds(bound);
+            return format!("No schedule of {bound} s or less meets the specification{remarks}.");
+        }
+        _ => return format!("How far that is from the best possible is not known{remarks}."),
     };
     let gap = match gap {
         gap if gap < 100.0 => format!("{gap:.1} %"),

@@ -39,7 +39,8 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let outcome = run_search(&study, &evaluator, files.litter(), output).map_err(in_file)?;
     let wall_time_s = (!args.reproducible).then(|| started.elapsed().as_secs_f64());
     let document = document(&study, &evaluator, &outcome, wall_time_s, inputs);
-    let document = certified(document, &study, &evaluator, &outcome);
+    let document =
+        inputs::thread_pool(&study)?.install(|| certified(document, &study, &evaluator, &outcome));
     let json = document.to_json()?;
     let contents = [
         to_json(&outcome.schedule),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, TOOL_VERSION, criterion_name, criterion_unit, finite, to_json};
@@ -9,7 +10,7 @@ use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::Objective;
-use crate::search::SearchOutcome;
+use crate::search::{SearchOutcome, Status};
 use crate::study::{Mode, StudyConfig};
 
 /// Name and major version of the [`BoundDocument`].
@@ -155,7 +156,8 @@ pub struct CertificateRecord {
     pub lower_bound: Option<f64>,
     /// What the schedule found reaches, in `unit`.
     pub achieved: f64,
-    /// 100 (achieved/lower_bound − 1); null when there is no useful bound.
+    /// 100 (achieved/lower_bound − 1); null when there is no useful bound, or when the schedule
+    /// found does not meet the specification in mode `time`.
     pub gap_percent: Option<f64>,
     /// The bound is for tests of this duration or less, s; absent in mode `time`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -176,7 +178,8 @@ impl CertificateRecord {
     ) -> Self {
         match (mode, &objective.spec_deg_per_h) {
             (Mode::Time, Some(spec)) => {
-                Self::of_time(certifier, spec, outcome.evaluation.total_time_s)
+                let meets = outcome.status != Status::Infeasible;
+                Self::of_time(certifier, spec, outcome.evaluation.total_time_s, meets)
             }
             _ => Self::of_criterion(
                 certifier,
@@ -209,18 +212,26 @@ impl CertificateRecord {
         }
     }
 
-    fn of_time(certifier: &Certifier, spec: &CoefficientVector, achieved_s: f64) -> Self {
-        let (lower_bound, remarks) = match certifier.minimum_time(spec, achieved_s) {
+    fn of_time(
+        certifier: &Certifier,
+        spec: &CoefficientVector,
+        achieved_s: f64,
+        meets: bool,
+    ) -> Self {
+        let (lower_bound, mut remarks) = match certifier.minimum_time(spec, achieved_s) {
             Ok(MinimumTime::MoreThan(s)) => (Some(s), Vec::new()),
             Ok(other) => (seconds(other), vec![in_words(other)]),
             Err(e) => (None, vec![format!("no bound here, because {e}")]),
         };
+        if !meets {
+            remarks.push("the schedule found does not meet it either".to_owned());
+        }
         Self {
             criterion: "total-time".to_owned(),
             unit: "s".to_owned(),
             lower_bound,
             achieved: achieved_s,
-            gap_percent: gap_percent(achieved_s, lower_bound),
+            gap_percent: gap_percent(achieved_s, lower_bound).filter(|_| meets),
             total_time_s: None,
             remarks,
         }
@@ -239,10 +250,11 @@ fn gap_percent(achieved: f64, lower_bound: Option<f64>) -> Option<f64> {
 pub(super) fn front_bounds(
     certifier: &Certifier,
     objective: &Objective,
-    times_s: impl Iterator<Item = f64>,
+    times_s: &[f64],
 ) -> Vec<Option<f64>> {
     times_s
-        .map(|time_s| {
+        .par_iter()
+        .map(|&time_s| {
             let bound = certifier.criterion_bound(&objective.criterion, time_s);
             bound.ok().as_ref().and_then(useful)
         })

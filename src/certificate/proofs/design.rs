@@ -258,6 +258,13 @@ fn where_nothing_is_measured_the_prior_is_the_bound() {
     let prior: f64 = (3.0 * 225.0 + 9.0 * 64.0) / 12.0;
     assert!((bound.lower_bound / prior.sqrt() - 1.0).abs() < 1e-5);
     assert!(bound.remarks[0].contains("the prior itself"));
+    let known = Certifier::new(&platform(|c| {
+        let zero = crate::platform::AxisValue::All(0.0);
+        c.prior.constant_drift_deg_per_h = zero;
+        c.prior.g_sensitive_drift_deg_per_h_per_g = crate::platform::GSensitivePrior::All(zero);
+    }));
+    let error = known.bound(&Criterion::D, 1000.0).unwrap_err();
+    assert_eq!(error.key(), Some("prior"));
     assert!(
         certifier
             .bound(&Criterion::rms(), 0.0)
@@ -283,7 +290,7 @@ fn extreme_conditions_have_a_bound_or_say_why_not() {
         ("", |c| c.accelerometer.noise_g = 1.0),
         ("", |c| c.filter.period_s = 1e-2),
         ("", |c| c.filter.period_s = 3000.0),
-        ("weak", |c| {
+        ("frame-hold", |c| {
             c.motion.repositioning = Repositioning::FrameHold
         }),
         ("", |c| {

@@ -458,11 +458,11 @@ fn bound_knows_the_shortest_conceivable_test() {
 }
 
 #[test]
-fn bound_says_where_it_is_weak() {
+fn bound_says_what_it_rests_on() {
     let desk = Desk::new();
     desk.write("hold.toml", "[motion]\nrepositioning = \"frame-hold\"\n");
     let text = desk.done(&["bound", "hold.toml"]);
-    assert!(text.contains("Note: weak bound, because"), "{text}");
+    assert!(text.contains("Note: in frame-hold repositioning"), "{text}");
     desk.write("table.toml", "[gimbals]\nstep_deg = 90\n");
     assert!(desk.done(&["bound", "table.toml"]).contains("index table"));
 }
