@@ -9,6 +9,7 @@
 
 mod analyze;
 mod args;
+mod bound;
 mod compare;
 mod evaluate;
 mod files;
@@ -96,6 +97,7 @@ fn dispatch(command: &Command) -> Result<Exit> {
         Command::Analyze(args) => analyze::run(args, output),
         Command::Simulate(args) => simulate::run(args, output),
         Command::Compare(args) => compare::run(args, output),
+        Command::Bound(args) => bound::run(args, output),
         Command::Init(args) => init::run(args, output),
         Command::Standard(args) => standard::run(args, output),
     }

@@ -46,11 +46,12 @@
 //!
 //! Layers point one way: [`attitude`], [`units`], [`dynamics`] → [`drift`], [`platform`],
 //! [`schedule`], [`motion`] → [`covariance`], [`observability`] → [`criterion`], [`evaluate`] →
-//! [`search`] → results and command line. The model never sees the search, and the library never
-//! prints.
+//! [`search`], [`certificate`] (what no schedule can beat) → results and command line. The model
+//! never sees the search, nor the search the certificate, and the library never prints.
 
 pub mod attitude;
 pub mod baseline;
+pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod compare;

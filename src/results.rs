@@ -8,6 +8,7 @@
 //! Fields may be added within a major version; none is renamed or dropped.
 
 mod analysis;
+mod bound;
 mod comparison;
 mod layout;
 mod simulation;
@@ -17,6 +18,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::baseline::Baseline;
+use crate::certificate::Certifier;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
@@ -34,6 +36,7 @@ pub use analysis::{
     WeakRecord,
 };
 
+pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
 pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
 };
@@ -229,6 +232,9 @@ pub struct ResultDocument {
     /// In mode `pareto`, the front of total time against criterion, shortest test first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pareto: Vec<ParetoRecord>,
+    /// How far the schedule is from the best possible; absent when that was not computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<CertificateRecord>,
     /// Work done.
     pub counters: CounterRecord,
     /// Seed of the random streams.
@@ -252,6 +258,9 @@ pub struct ParetoRecord {
     pub criterion: f64,
     /// √(mean of the coefficient variances), °/h.
     pub rms_sigma_deg_per_h: f64,
+    /// No schedule of this duration or less has a smaller criterion; absent: not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower_bound: Option<f64>,
     /// The schedule.
     pub schedule: ScheduleDocument,
 }
@@ -262,6 +271,7 @@ impl From<&FrontPoint> for ParetoRecord {
             total_time_s: point.total_time_s,
             criterion: point.evaluation.score.criterion,
             rms_sigma_deg_per_h: point.evaluation.rms_sigma_deg_per_h(),
+            lower_bound: None,
             schedule: ScheduleDocument::from(&point.schedule),
         }
     }
@@ -483,6 +493,7 @@ impl ResultDocument {
             baselines_skipped: skipped(baselines),
             evaluation,
             pareto: outcome.front.iter().map(ParetoRecord::from).collect(),
+            certificate: None,
             counters: CounterRecord::from(&outcome.counters),
             seed,
             wall_time_s: wall_time_s.and_then(finite),
@@ -498,6 +509,23 @@ impl ResultDocument {
     /// [`Error::is_numerical`] when it cannot be written as JSON.
     pub fn to_json(&self) -> Result<String> {
         to_json(self)
+    }
+
+    /// Attaches the certificate, and the lower bounds along the front.
+    #[must_use]
+    pub fn with_certificate(
+        mut self,
+        certificate: CertificateRecord,
+        certifier: &Certifier,
+        objective: &Objective,
+    ) -> Self {
+        let times: Vec<f64> = self.pareto.iter().map(|p| p.total_time_s).collect();
+        let bounds = bound::front_bounds(certifier, objective, &times);
+        for (point, lower_bound) in self.pareto.iter_mut().zip(bounds) {
+            point.lower_bound = lower_bound;
+        }
+        self.certificate = Some(certificate);
+        self
     }
 
     /// The baseline that is best by the criterion of the search, if any could be run.

@@ -40,6 +40,8 @@ pub(super) enum Command {
     Simulate(SimulateArgs),
     /// Compare schedules, given and built-in, in the same total time
     Compare(CompareArgs),
+    /// Say what no schedule can beat, without searching for one
+    Bound(BoundArgs),
     /// Write a commented platform file
     Init(InitArgs),
     /// List the built-in schemes, or write one
@@ -55,6 +57,7 @@ impl Command {
             Self::Analyze(a) => a.common.messages.quiet,
             Self::Simulate(a) => a.common.messages.quiet,
             Self::Compare(a) => a.common.messages.quiet,
+            Self::Bound(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
         }
@@ -238,6 +241,16 @@ pub(super) struct CompareArgs {
     pub as_given: bool,
     /// Platform file; without one, the built-in platform
     #[arg(short, long, value_name = "FILE")]
+    pub platform: Option<PathBuf>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `bound`.
+#[derive(Debug, Args)]
+pub(super) struct BoundArgs {
+    /// Platform file; without one, the built-in platform (see `init`)
+    #[arg(value_name = "PLATFORM.toml")]
     pub platform: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,

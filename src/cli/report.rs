@@ -2,7 +2,7 @@
 
 use crate::motion::Timeline;
 use crate::platform::Platform;
-use crate::results::{EvaluationDocument, ResultDocument};
+use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument};
 use crate::search::Status;
 
 use super::table;
@@ -19,6 +19,9 @@ pub(super) fn search(
 ) -> String {
     let found = &document.evaluation;
     let mut text = verdict(document);
+    if let Some(certificate) = &document.certificate {
+        text.push_str(&wrap(&within(certificate)));
+    }
     if document.status != Status::Converged.name() {
         text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
     }
@@ -80,6 +83,43 @@ fn verdict(document: &ResultDocument) -> String {
         table::seconds(found.total_time_s),
         if positions == 1 { "" } else { "s" },
     )
+}
+
+/// How far the schedule is from the best possible.
+fn within(certificate: &CertificateRecord) -> String {
+    let remarks: String = certificate
+        .remarks
+        .iter()
+        .map(|r| format!("; {r}"))
+        .collect();
+    let (bound, gap) = match (certificate.lower_bound, certificate.gap_percent) {
+        (Some(bound), Some(gap)) => (bound, gap),
+        (Some(bound), None) if certificate.total_time_s.is_none() => {
+            let bound = table::seconds(bound);
+            return format!("No schedule of {bound} s or less meets the specification{remarks}.");
+        }
+        _ => return format!("How far that is from the best possible is not known{remarks}."),
+    };
+    let gap = match gap {
+        gap if gap < 100.0 => format!("{gap:.1} %"),
+        gap => format!("a factor of {}", table::number(1.0 + gap / 100.0)),
+    };
+    let none = match certificate.total_time_s {
+        Some(time_s) => format!(
+            "in {} s none is below {}{}",
+            table::seconds(time_s),
+            table::number(bound),
+            match certificate.unit.as_str() {
+                "1" => String::new(),
+                unit => format!(" {unit}"),
+            }
+        ),
+        None => format!(
+            "none of {} s or less meets the specification",
+            table::seconds(bound)
+        ),
+    };
+    format!("Within {gap} of what any torquing programme could reach: {none}{remarks}.")
 }
 
 /// Status and work done.

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 
 use crate::baseline::baselines;
+use crate::certificate::Certifier;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
-use crate::results::{Inputs, ResultDocument};
+use crate::results::{CertificateRecord, Inputs, ResultDocument};
 use crate::schedule::file::{to_csv, to_json};
 use crate::search::front::front;
 use crate::search::shortest::shortest;
@@ -38,6 +39,8 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let outcome = run_search(&study, &evaluator, files.litter(), output).map_err(in_file)?;
     let wall_time_s = (!args.reproducible).then(|| started.elapsed().as_secs_f64());
     let document = document(&study, &evaluator, &outcome, wall_time_s, inputs);
+    let document =
+        inputs::thread_pool(&study)?.install(|| certified(document, &study, &evaluator, &outcome));
     let json = document.to_json()?;
     let contents = [
         to_json(&outcome.schedule),
@@ -121,6 +124,24 @@ fn cancel_on_signal(cancel: Arc<AtomicBool>, bar: ProgressBar, litter: Litter, o
     if let Err(e) = installed {
         output.message(&format!("note: an interruption will lose the search: {e}"));
     }
+}
+
+/// The document with the certificate: how far the schedule is from the best possible.
+fn certified(
+    document: ResultDocument,
+    study: &Study,
+    evaluator: &Evaluator,
+    outcome: &SearchOutcome,
+) -> ResultDocument {
+    let certifier = Certifier::new(study.platform());
+    let certificate = CertificateRecord::new(
+        &certifier,
+        study.objective().mode,
+        evaluator.objective(),
+        study.objective().total_time_s,
+        outcome,
+    );
+    document.with_certificate(certificate, &certifier, evaluator.objective())
 }
 
 fn document(

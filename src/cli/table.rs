@@ -5,7 +5,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table};
 
 use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
-use crate::results::{BaselineRecord, EvaluationDocument, ParetoRecord};
+use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
 
 /// The widest table, columns.
@@ -243,12 +243,37 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
     render(columns, rows.collect())
 }
 
+/// Lower bounds on each σ.
+pub(super) fn sigma_bounds(document: &BoundDocument) -> String {
+    let spec = &document.inputs.objective.spec_deg_per_h;
+    let rows = document
+        .sigma_lower_bound_deg_per_h
+        .iter()
+        .map(|(c, bound)| {
+            [
+                c.name().to_owned(),
+                number(*bound),
+                optional(spec.of(*c), number),
+            ]
+        })
+        .collect();
+    render(
+        [
+            ("coefficient", Left),
+            ("sigma at least, deg/h", Right),
+            ("specification", Right),
+        ],
+        rows,
+    )
+}
+
 /// The front of total time against criterion.
 pub(super) fn front(criterion_name: &str, criterion_unit: &str, front: &[ParetoRecord]) -> String {
     let criterion = format!("{criterion_name}, {criterion_unit}");
     let columns = [
         ("total time, s", Right),
         (criterion.as_str(), Right),
+        ("none below", Right),
         ("RMS sigma, deg/h", Right),
         ("positions", Right),
     ];
@@ -256,6 +281,7 @@ pub(super) fn front(criterion_name: &str, criterion_unit: &str, front: &[ParetoR
         [
             number(p.total_time_s),
             number(p.criterion),
+            optional(p.lower_bound, number),
             number(p.rms_sigma_deg_per_h),
             p.schedule.positions.len().to_string(),
         ]

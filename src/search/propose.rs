@@ -12,7 +12,7 @@ use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
-use crate::motion::{equivalent_positions, gimbal_change};
+use crate::motion::{equivalent_positions, gimbal_change, quickest_positions};
 use crate::platform::Platform;
 use crate::schedule::standard::StandardScheme;
 
@@ -50,12 +50,14 @@ fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
         .into_iter()
         .map(StandardScheme::positions)
         .filter(|positions| positions.len() <= problem.max_positions)
+        .filter(|positions| {
+            positions
+                .iter()
+                .all(|p| within_ranges(platform, *p).is_some())
+        })
         .filter_map(|positions| {
-            let reachable: Option<Vec<[f64; 3]>> = positions
-                .into_iter()
-                .map(|p| within_ranges(platform, p).map(Position::to_array))
-                .collect();
-            let angles = reachable?;
+            let quickest = quickest_positions(platform, &positions);
+            let angles: Vec<[f64; 3]> = quickest.into_iter().map(Position::to_array).collect();
             let dwell_s = vec![problem.total_time_s; angles.len()];
             Plan { angles, dwell_s }.fitted(platform, problem.total_time_s)
         })
@@ -81,6 +83,7 @@ fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan>
     if platform.motion().slew_rate_rad_per_s.is_some() && k % 2 == 1 {
         order_by_nearest(platform, &mut positions);
     }
+    positions = quickest_positions(platform, &positions);
     loop {
         let plan = Plan {
             angles: positions.iter().map(|p| p.to_array()).collect(),

@@ -89,7 +89,7 @@ fn keeps_the_limits(platform: &Platform, problem: &SearchProblem, found: &Search
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
     fn no_limit_is_violated(

@@ -201,7 +201,7 @@ fn search_prints_the_document_and_nothing_else_with_json() {
     // axis-24 turns the middle gimbal by 90 degrees.
     let compared = document["baselines"].as_array().unwrap().len();
     let skipped = document["baselines_skipped"].as_array().unwrap();
-    assert_eq!(compared + skipped.len(), 8);
+    assert_eq!(compared + skipped.len(), 11);
     assert_eq!(skipped[0]["name"], "axis-24");
     assert!(text(&skipped[0]["reason"]).contains("beta_deg"));
 
@@ -396,4 +396,123 @@ fn the_front_is_in_the_document_and_falls() {
         front[2]["schedule"]["positions"],
         result["schedule"]["positions"]
     );
+}
+
+#[test]
+fn bound_says_what_no_schedule_can_beat() {
+    let desk = Desk::new();
+    let table = desk.done(&["bound"]);
+    assert!(table.starts_with("No schedule of 12000 s or less has an RMS sigma below 0.0008"));
+    assert!(table.contains("| D_SZ ") && table.lines().all(|l| l.chars().count() <= 80));
+
+    let document: Value = serde_json::from_str(&desk.done(&["bound", "--json"])).unwrap();
+    assert_eq!(document["schema"], "scheme-opt/bound/1");
+    assert_eq!(text(&document["criterion"]), "a");
+    assert_eq!(document["total_time_s"], 12_000.0);
+    let bound = document["lower_bound"].as_f64().unwrap();
+    assert!(bound > 0.000_855 && bound < 0.000_9);
+    assert_eq!(
+        document["rms_sigma_lower_bound_deg_per_h"],
+        document["lower_bound"]
+    );
+    assert!(document["equivalence_gap"].as_f64().unwrap() < 1e-3);
+    assert_eq!(text(&document["majorant"]), "separated");
+    for channel in ["x", "y", "z"] {
+        assert!(document["delta"][channel].as_f64().unwrap() > 0.0);
+    }
+    let each = document["sigma_lower_bound_deg_per_h"].as_object().unwrap();
+    assert!(each.len() == 12 && each.values().all(Value::is_number));
+    assert!(document.get("minimum_time_s").is_none());
+    assert!(document["inputs"].is_object() && document["defaulted"].is_array());
+
+    let args = [
+        "bound",
+        "--total-time-s",
+        "6000",
+        "--criterion",
+        "d",
+        "--json",
+    ];
+    let short: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    assert_eq!(text(&short["criterion"]), "d");
+    assert!(short["rms_sigma_lower_bound_deg_per_h"].as_f64().unwrap() > bound);
+    assert_eq!(desk.files(), Vec::<String>::new());
+}
+
+#[test]
+fn bound_knows_the_shortest_conceivable_test() {
+    let desk = Desk::new();
+    desk.write("p.toml", "[objective.spec_deg_per_h]\ndefault = 0.002\n");
+    let out = desk.done(&["bound", "p.toml", "--json"]);
+    let document: Value = serde_json::from_str(&out).unwrap();
+    let least = document["minimum_time_s"].as_f64().unwrap();
+    assert!(least > 9000.0 && least < 11_000.0, "{least}");
+    assert!(text(&document["minimum_time"]).contains("meets the specification"));
+    // In mode time a specification that certainly cannot be met is no acceptable schedule.
+    let args = ["bound", "p.toml", "--mode", "time", "--total-time-s"];
+    let with = |time| desk.run(&[&args[..], &[time]].concat());
+    assert_eq!(with("12000").code, Some(0));
+    let hopeless = with("9000");
+    assert_eq!(hopeless.code, Some(1));
+    assert!(hopeless.stdout.contains("or less meets the specification"));
+}
+
+#[test]
+fn bound_says_what_it_rests_on() {
+    let desk = Desk::new();
+    desk.write("hold.toml", "[motion]\nrepositioning = \"frame-hold\"\n");
+    let text = desk.done(&["bound", "hold.toml"]);
+    assert!(text.contains("Note: in frame-hold repositioning"), "{text}");
+    desk.write("table.toml", "[gimbals]\nstep_deg = 90\n");
+    assert!(desk.done(&["bound", "table.toml"]).contains("index table"));
+}
+
+#[test]
+fn bound_refuses_bad_input() {
+    let desk = Desk::new();
+    desk.run(&["bound", "nowhere.toml"])
+        .refused(&["nowhere.toml"]);
+    desk.run(&["bound", "--total-time-s", "-5"])
+        .refused(&["objective.total_time_s", "--total-time-s"]);
+    desk.run(&["bound", "--criterion", "max-ratio"])
+        .refused(&["objective.criterion", "specification"]);
+    desk.write("bad.toml", "[site]\nlatitude_deg = 95\n");
+    desk.run(&["bound", "bad.toml"])
+        .refused(&["bad.toml:2", "site.latitude_deg"]);
+    let usage = desk.run(&["bound", "--frobnicate"]);
+    assert_eq!(usage.code, Some(2));
+}
+
+#[test]
+fn search_certifies_what_it_found() {
+    let desk = Desk::new();
+    let out = desk.done(&["search", "--starts", "4", "-o", "out"]);
+    assert!(
+        out.contains("of what any torquing programme could reach"),
+        "{out}"
+    );
+    let certificate = desk.json("out/result.json")["certificate"].clone();
+    assert_eq!(text(&certificate["criterion"]), "a");
+    let number = |key: &str| certificate[key].as_f64().unwrap();
+    assert!(number("lower_bound") < number("achieved"));
+    assert!(number("gap_percent") > 0.0 && number("gap_percent") < 6.5);
+
+    desk.write("p.toml", "[objective.spec_deg_per_h]\ndefault = 0.002\n");
+    let args = [
+        "search", "p.toml", "--mode", "time", "--starts", "2", "-o", "time",
+    ];
+    let out = desk.done(&args);
+    assert!(out.contains("or less meets the specification"), "{out}");
+    let certificate = desk.json("time/result.json")["certificate"].clone();
+    assert_eq!(text(&certificate["criterion"]), "total-time");
+    assert_eq!(text(&certificate["unit"]), "s");
+
+    desk.write("q.toml", "[search]\nfront_points = 2\n");
+    let args = [
+        "search", "q.toml", "--mode", "pareto", "--starts", "2", "-o", "front",
+    ];
+    assert!(desk.done(&args).contains("none below"));
+    for point in desk.json("front/result.json")["pareto"].as_array().unwrap() {
+        assert!(point["lower_bound"].as_f64().unwrap() <= point["criterion"].as_f64().unwrap());
+    }
 }

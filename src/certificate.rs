@@ -1,0 +1,400 @@
+//! The certificate: how accurate *any* schedule can be, without searching for one.
+//!
+//! The drift reaches the measurements only through u(t) = A(R(t)) D, so that the information a
+//! schedule gives on D is M = ∫∫ A(s)ᵀ 𝓖(s, s') A(s') ds ds' with an operator 𝓖 that does not know
+//! the attitudes. A diagonal majorant 𝓖 ⪯ Δ(t) = f(t) diag(δ_x, δ_y, δ_z) makes that
+//!
+//! ```text
+//! M ⪯ ∫ A(R(t))ᵀ Δ(t) A(R(t)) dt,
+//! ```
+//!
+//! which is linear in the share of time at each attitude: what is left is a convex design problem,
+//! and its dual gives a number that no sequence of positions, no order, no turning motion and no
+//! choice of measurement times can beat. `docs/certificate.md` has the proof of every step.
+//!
+//! 1. `majorant`: Δ, tested in O(N) by a Kalman filter with negative process noise
+//!    (`recursion`), for every admissible set of measurement times at once (`sampling`).
+//! 2. `design`: the convex design over the allowed attitudes (`directions`) and its dual, with
+//!    a rigorous maximum over all of them (`largest`).
+//! 3. `criteria`: what that says of `a`, `d`, `e`, `max-ratio`, and of each σ.
+//!
+//! ```
+//! use scheme_opt::certificate::Certifier;
+//! use scheme_opt::criterion::Criterion;
+//! use scheme_opt::platform::PlatformConfig;
+//!
+//! let certifier = Certifier::new(&PlatformConfig::default().check()?);
+//! let bound = certifier.bound(&Criterion::rms(), 12_000.0)?;
+//! // The best schedules known reach 0.000903 deg/h.
+//! assert!(bound.lower_bound > 0.000855 && bound.lower_bound < 0.000903);
+//! # Ok::<(), scheme_opt::Error>(())
+//! ```
+
+mod conditions;
+mod criteria;
+mod design;
+mod directions;
+mod largest;
+mod majorant;
+mod profile;
+#[cfg(test)]
+mod proofs;
+mod recursion;
+mod sampling;
+mod shortest;
+
+use rayon::prelude::*;
+
+use crate::criterion::Criterion;
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
+use crate::error::{Error, Result};
+use crate::motion::MAX_FILTER_PERIODS;
+use crate::platform::Platform;
+use conditions::Conditions;
+use criteria::{Bracket, Problem};
+use design::Space;
+use directions::{Allowed, Directions};
+pub use majorant::Majorant;
+use majorant::{Bounded, Choice, Emphasis, majorants};
+pub use shortest::MinimumTime;
+
+/// Relative margin on every bound: rounding, and filter periods counted as whole when they are
+/// so within 1e-9 of a period.
+const MARGIN: f64 = 1e-6;
+/// Prior information is raised to this part of what the test could give: a majorant that keeps
+/// the design regular in double precision when a prior is next to nothing.
+const LEAST_PRIOR: f64 = 1e-13;
+
+/// Lower bounds for one platform. Cheap to share between threads.
+#[derive(Debug)]
+pub struct Certifier {
+    conditions: Conditions,
+    directions: Directions,
+    /// Every attitude, where the gimbals are limited.
+    unlimited: Option<Directions>,
+}
+
+/// What no schedule of a given duration can beat by one criterion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CriterionBound {
+    /// Lower bound on the criterion's value, °/h (`max-ratio`: 1).
+    pub lower_bound: f64,
+    /// How much of the relaxed problem's own optimum is missing from the bound, relatively: the
+    /// gap of the Kiefer–Wolfowitz equivalence theorem with the rigorous maximum over attitudes.
+    pub equivalence_gap: f64,
+    /// How information was majorised; none: nothing is measured in so short a test, and the
+    /// bound is the prior itself.
+    pub majorant: Option<MajorantInUse>,
+}
+
+/// The majorant that a bound rests on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MajorantInUse {
+    /// How it was found.
+    pub kind: Majorant,
+    /// Time mean of Δ for North, Up, East: no more information than this per second of the test
+    /// comes from each channel's drift rate, (°/h)⁻² s⁻¹.
+    pub delta: [f64; 3],
+    /// Bound on the information on (D_IX + D_IY + D_IZ)/√3, the prior's included, (°/h)⁻²; none
+    /// when that direction is not treated apart.
+    pub trace_information: Option<f64>,
+}
+
+/// The full answer for one platform and duration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bound {
+    /// Duration that the bound is for, s: no schedule of this length or shorter beats it.
+    pub total_time_s: f64,
+    /// By the criterion asked for.
+    pub criterion: CriterionBound,
+    /// Lower bound on that criterion, °/h (`max-ratio`: 1).
+    pub lower_bound: f64,
+    /// Lower bound on the RMS σ, °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// Lower bound on each σ by itself, °/h: not all at once.
+    pub sigma_deg_per_h: CoefficientVector,
+    /// What the bound does not cover or why it is weak, in words.
+    pub remarks: Vec<String>,
+}
+
+impl Certifier {
+    /// For schedules on `platform`.
+    pub fn new(platform: &Platform) -> Self {
+        let directions = Directions::new(platform.gimbals(), platform.motion());
+        let limited = matches!(directions.allowed, Allowed::Cover { .. });
+        Self {
+            conditions: Conditions::new(platform),
+            directions,
+            unlimited: limited.then(Directions::unlimited),
+        }
+    }
+
+    /// What no schedule of `total_time_s` or less, moves and settles included, can beat by
+    /// `criterion`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for a duration that is not positive or has too many filter periods, or
+    /// when every coefficient is known already;
+    /// [`Error::is_numerical`] where double precision does not suffice.
+    pub fn criterion_bound(
+        &self,
+        criterion: &Criterion,
+        total_time_s: f64,
+    ) -> Result<CriterionBound> {
+        self.check(total_time_s)?;
+        let mut best: Option<CriterionBound> = None;
+        for (directions, emphasis) in self.relaxations(criterion) {
+            for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
+                let problem = self.problem(directions, bounded);
+                let bracket = self.bracket(&problem, criterion)?;
+                let found = finish(bracket, in_use(&problem, &bounded, total_time_s))?;
+                if best.is_some_and(|b| found.lower_bound <= b.lower_bound) {
+                    // The ones that follow only go further the same way.
+                    break;
+                }
+                best = Some(found);
+            }
+        }
+        match best {
+            Some(found) => Ok(found),
+            None => self.without_majorant(criterion, total_time_s),
+        }
+    }
+
+    /// What is tried, the largest bound being the answer: with the gimbals' limits, where the
+    /// heading is not followed and North and East are taken alike; and as if there were none.
+    fn relaxations(&self, criterion: &Criterion) -> Vec<(&Directions, Emphasis)> {
+        let of = |directions: &Directions| {
+            let choice = match directions.allowed {
+                Allowed::Everything => Choice::Free,
+                Allowed::Cover { .. } => Choice::Level,
+                Allowed::Table(_) => Choice::Lean,
+            };
+            self.emphasis(criterion, choice)
+        };
+        let mut all = vec![(&self.directions, of(&self.directions))];
+        if let Some(unlimited) = &self.unlimited {
+            all.push((unlimited, of(unlimited)));
+        }
+        all
+    }
+
+    /// The same with a bound on the RMS σ and on each σ.
+    ///
+    /// # Errors
+    ///
+    /// As [`Certifier::criterion_bound`].
+    pub fn bound(&self, criterion: &Criterion, total_time_s: f64) -> Result<Bound> {
+        let of_criterion = self.criterion_bound(criterion, total_time_s)?;
+        let rms = match criterion {
+            c if *c == Criterion::rms() => of_criterion,
+            _ => self.criterion_bound(&Criterion::rms(), total_time_s)?,
+        };
+        Ok(Bound {
+            total_time_s,
+            criterion: of_criterion,
+            lower_bound: of_criterion.lower_bound,
+            rms_sigma_deg_per_h: rms.lower_bound,
+            sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
+            remarks: self.remarks(&of_criterion),
+        })
+    }
+
+    /// Lower bound on each σ by itself, °/h.
+    ///
+    /// # Errors
+    ///
+    /// As [`Certifier::criterion_bound`].
+    pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
+        self.check(total_time_s)?;
+        let (directions, emphasis) = self.relaxations(&Criterion::rms())[0];
+        let found = majorants(&self.conditions, total_time_s, &emphasis);
+        let Some(bounded) = found.first() else {
+            return match self.is_measured(total_time_s) {
+                true => Ok(CoefficientVector::zeros()),
+                false => Ok(self.conditions.prior_sigma),
+            };
+        };
+        let problem = self.problem(directions, *bounded);
+        let sigmas: Result<Vec<f64>> = (0..COEFFICIENTS)
+            .into_par_iter()
+            .map(|i| {
+                let sigma = problem.variance(i)?.max(0.0).sqrt() * (1.0 - MARGIN);
+                // The prior's own σ bounds nothing from below; rounding must not show.
+                Ok(sigma.min(self.conditions.prior_sigma[i]))
+            })
+            .collect();
+        Ok(CoefficientVector::from_vec(sigmas?))
+    }
+
+    fn check(&self, total_time_s: f64) -> Result<()> {
+        const KEY: &str = "objective.total_time_s";
+        if self.conditions.prior_sigma.max() == 0.0 {
+            return Err(Error::input(
+                "every drift coefficient is known exactly: there is nothing to calibrate",
+            )
+            .with_key("prior"));
+        }
+        if total_time_s.is_nan() || total_time_s <= 0.0 {
+            return Err(Error::out_of_range(KEY, total_time_s, "greater than 0"));
+        }
+        if total_time_s / self.conditions.period_s > MAX_FILTER_PERIODS {
+            return Err(Error::input("the test has too many filter periods")
+                .with_key(KEY)
+                .with_value(total_time_s)
+                .with_allowed(format!("at most {MAX_FILTER_PERIODS:e} filter periods")));
+        }
+        Ok(())
+    }
+
+    fn is_measured(&self, total_time_s: f64) -> bool {
+        conditions::Cells::new(&self.conditions, total_time_s).is_some()
+    }
+
+    fn emphasis(&self, criterion: &Criterion, choice: Choice) -> Emphasis {
+        let weights = match criterion {
+            Criterion::A { weights } => *weights,
+            Criterion::MaxRatio { spec_deg_per_h } => spec_deg_per_h.map(|s| (s * s).recip()),
+            Criterion::D | Criterion::E => CoefficientVector::repeat(1.0),
+        };
+        Emphasis::new(&self.conditions, &weights, choice)
+    }
+
+    /// The design problem that a majorant leaves.
+    fn problem<'a>(&'a self, directions: &'a Directions, bounded: Bounded) -> Problem<'a> {
+        let conditions = &self.conditions;
+        let (information, trace) = match (bounded.trace_information, conditions.trace_direction()) {
+            (Some(measured), Some(t)) => {
+                let prior = conditions.decoupled_prior_information();
+                // The three D_I have the same, so t has it too.
+                (
+                    prior,
+                    Some((t, prior[DriftCoefficient::IX.index()] + measured)),
+                )
+            }
+            _ => (conditions.prior_information(), None),
+        };
+        let [x, y, z] = bounded.delta;
+        let least = LEAST_PRIOR * bounded.mass * x.max(y).max(z);
+        let information = information.map(|v| v.max(least));
+        let direction = trace.as_ref().map(|(t, _)| t);
+        Problem {
+            space: Space::new(directions, bounded, &information, direction),
+            trace,
+        }
+    }
+
+    /// The bracket on the criterion's value itself.
+    fn bracket(&self, problem: &Problem<'_>, criterion: &Criterion) -> Result<(Bracket, Scale)> {
+        let open = self.conditions.prior_sigma.iter().filter(|s| **s > 0.0);
+        let open = open.count() as f64;
+        Ok(match criterion {
+            Criterion::A { weights } => {
+                let bracket = problem.weighted_variance(weights)?;
+                (bracket, Scale::Variance(weights.sum()))
+            }
+            Criterion::D => (problem.log_determinant()?, Scale::LogDeterminant(open)),
+            Criterion::E => (problem.worst_variance()?, Scale::Variance(1.0)),
+            Criterion::MaxRatio { spec_deg_per_h } => {
+                (problem.worst_ratio(spec_deg_per_h)?, Scale::Variance(1.0))
+            }
+        })
+    }
+
+    /// Where nothing is measured the prior is the answer; where no majorant was found, zero.
+    fn without_majorant(&self, criterion: &Criterion, total_time_s: f64) -> Result<CriterionBound> {
+        let lower_bound = if self.is_measured(total_time_s) {
+            0.0
+        } else {
+            let sigma = &self.conditions.prior_sigma;
+            let prior = CoefficientMatrix::from_diagonal(&sigma.component_mul(sigma));
+            criterion.value(&prior)? * (1.0 - MARGIN)
+        };
+        Ok(CriterionBound {
+            lower_bound,
+            equivalence_gap: 0.0,
+            majorant: None,
+        })
+    }
+
+    /// What a reader of the bound should know: what it does not cover, why it is weak.
+    pub fn remarks(&self, bound: &CriterionBound) -> Vec<String> {
+        let mut remarks = Vec::new();
+        match bound.majorant.map(|m| m.kind) {
+            None if bound.lower_bound > 0.0 => remarks.push(
+                "nothing is measured in so short a test: the bound is the prior itself".to_owned(),
+            ),
+            None => remarks.push(
+                "no useful bound here, because without random drift and with so long a filter \
+                 period none of the majorants holds"
+                    .to_owned(),
+            ),
+            Some(Majorant::Isotropic) if self.conditions.frame_hold => remarks.push(
+                "in frame-hold repositioning moves turn the misalignment: it is as if all three of \
+                 its components were measured"
+                    .to_owned(),
+            ),
+            Some(Majorant::Isotropic) => remarks.push(
+                "weak bound, because the separated majorant does not hold here: it is as if all \
+                 three components of the misalignment were measured"
+                    .to_owned(),
+            ),
+            Some(Majorant::Separated) => {}
+        }
+        if matches!(self.directions.allowed, Allowed::Table(_)) {
+            remarks.push(
+                "for schedules on the index table whose moves take no time; while a move lasts, \
+                 the drift is seen at attitudes off the table"
+                    .to_owned(),
+            );
+        }
+        if self.conditions.omega_north == 0.0 {
+            remarks.push(
+                "at a pole the sum D_IX + D_IY + D_IZ is never seen: its prior is most of the \
+                 bound"
+                    .to_owned(),
+            );
+        }
+        remarks
+    }
+}
+
+/// How a bracket becomes the criterion's value.
+enum Scale {
+    /// √(v/weight).
+    Variance(f64),
+    /// exp(v/2n).
+    LogDeterminant(f64),
+}
+
+fn finish((bracket, scale): (Bracket, Scale), majorant: MajorantInUse) -> Result<CriterionBound> {
+    let value = |v: f64| match scale {
+        Scale::Variance(weight) => (v.max(0.0) / weight).sqrt(),
+        Scale::LogDeterminant(count) => (v / (2.0 * count)).exp(),
+    };
+    let (lower, design) = (value(bracket.lower), value(bracket.design));
+    if !lower.is_finite() {
+        return Err(Error::numerical(
+            "the bound overflows double precision: the noises, the prior and the duration are \
+             too far apart",
+        ));
+    }
+    Ok(CriterionBound {
+        lower_bound: lower * (1.0 - MARGIN),
+        equivalence_gap: if design > 0.0 {
+            (1.0 - lower / design).max(0.0)
+        } else {
+            0.0
+        },
+        majorant: Some(majorant),
+    })
+}
+
+fn in_use(problem: &Problem<'_>, bounded: &Bounded, total_time_s: f64) -> MajorantInUse {
+    MajorantInUse {
+        kind: bounded.kind,
+        delta: bounded.delta.map(|d| d * bounded.mass / total_time_s),
+        trace_information: problem.trace.as_ref().map(|(_, kappa)| *kappa),
+    }
+}

@@ -1,0 +1,138 @@
+//! What the bound knows of a test: the platform in arcsec and °/h, and its division into cells.
+
+use nalgebra::Vector3;
+
+use crate::attitude::{NORTH, UP};
+use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftKind};
+use crate::dynamics::ErrorDynamics;
+use crate::platform::{Platform, Repositioning};
+use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
+
+/// Most cells of a test: longer tests get longer cells.
+const MAX_CELLS: usize = 1500;
+/// Largest prior variance of ψ relative to the noise that the recursion can follow. A smaller
+/// prior only adds information, so the cut keeps every bound valid.
+const LARGEST_PRIOR: f64 = 1e8;
+
+/// The platform in the units of the computation: arcsec, °/h = arcsec/s, s.
+#[derive(Debug, Clone)]
+pub(super) struct Conditions {
+    pub dynamics: ErrorDynamics,
+    /// ω_N, ω_U and their norm, rad/s; not negative.
+    pub omega_north: f64,
+    pub omega_up: f64,
+    pub omega: f64,
+    /// PSD q of the random drift, arcsec²/s.
+    pub drift_psd: f64,
+    /// Variance r² of a measurement, arcsec².
+    pub noise_variance: f64,
+    pub period_s: f64,
+    /// Prior variances of ψ^n, arcsec².
+    pub prior_psi: Vector3<f64>,
+    /// Prior 1σ of the coefficients, °/h.
+    pub prior_sigma: CoefficientVector,
+    /// Whether a change of position turns ψ^n.
+    pub frame_hold: bool,
+}
+
+impl Conditions {
+    pub fn new(platform: &Platform) -> Self {
+        let rate = platform.earth_rate_n();
+        let noise_variance = Angle::from_rad(platform.noise_g()).arcsec().powi(2);
+        let prior_psi = platform.prior_misalignment_rad().map(|rad| {
+            let variance = Angle::from_rad(rad).arcsec().powi(2);
+            variance.min(LARGEST_PRIOR * noise_variance)
+        });
+        Self {
+            dynamics: ErrorDynamics::new(rate),
+            omega_north: rate[NORTH].abs(),
+            omega_up: rate[UP].abs(),
+            omega: rate.norm(),
+            drift_psd: platform.drift_psd_rad2_per_s() * ARCSEC_PER_RAD.powi(2),
+            noise_variance,
+            period_s: platform.period_s(),
+            prior_psi,
+            prior_sigma: platform
+                .prior_drift_rad_per_s()
+                .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
+            frame_hold: platform.motion().repositioning == Repositioning::FrameHold,
+        }
+    }
+
+    /// Information of the prior on each coefficient; infinite for a known one.
+    pub fn prior_information(&self) -> CoefficientVector {
+        self.prior_sigma.map(|s| (s * s).recip())
+    }
+
+    /// t = (D_IX + D_IY + D_IZ)/√3, the direction that drifts alike at every attitude, when it
+    /// can be treated apart: ψ^n is not turned by moves and none of the three is known.
+    pub fn trace_direction(&self) -> Option<CoefficientVector> {
+        let mut t = CoefficientVector::zeros();
+        for c in DriftCoefficient::ALL {
+            if c.kind() == DriftKind::Input {
+                if self.prior_sigma[c.index()] == 0.0 {
+                    return None;
+                }
+                t[c.index()] = 1.0;
+            }
+        }
+        (!self.frame_hold).then(|| t.normalize())
+    }
+
+    /// The prior information on the three D_I made equal, to the largest of them: a majorant of
+    /// the prior in which t has no cross term.
+    pub fn decoupled_prior_information(&self) -> CoefficientVector {
+        let mut information = self.prior_information();
+        let is_input = |i: usize| DriftCoefficient::ALL[i].kind() == DriftKind::Input;
+        let largest = (0..COEFFICIENTS)
+            .filter(|&i| is_input(i))
+            .map(|i| information[i])
+            .fold(0.0, f64::max);
+        for i in (0..COEFFICIENTS).filter(|&i| is_input(i)) {
+            information[i] = largest;
+        }
+        information
+    }
+}
+
+/// The test divided into equal cells of `per_cell` filter periods; the last may reach beyond it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cells {
+    pub count: usize,
+    pub length_s: f64,
+    /// Most measurements in a cell, as a number.
+    pub per_cell: f64,
+    /// Most measurements of the whole test.
+    pub measurements: f64,
+    pub total_time_s: f64,
+}
+
+impl Cells {
+    /// The cells of a test; none when it is too short for a measurement.
+    pub fn new(conditions: &Conditions, total_time_s: f64) -> Option<Self> {
+        let measurements = (total_time_s / conditions.period_s + 1e-9).floor();
+        if measurements.is_nan() || measurements < 1.0 {
+            return None;
+        }
+        let per_cell = (measurements / MAX_CELLS as f64).ceil();
+        let length_s = per_cell * conditions.period_s;
+        Some(Self {
+            count: (total_time_s / length_s - 1e-9).ceil().max(1.0) as usize,
+            length_s,
+            per_cell,
+            measurements,
+            total_time_s,
+        })
+    }
+
+    /// The part of cell `j` that belongs to the test, s.
+    pub fn inside_s(&self, j: usize) -> f64 {
+        (self.total_time_s - j as f64 * self.length_s).clamp(0.0, self.length_s)
+    }
+
+    /// Whether a measurement may be shared out to the start of the test: a measurement comes one
+    /// period after the start or later, so not when the cells are single periods.
+    pub fn measures_at_start(&self) -> bool {
+        self.per_cell > 1.0
+    }
+}

@@ -1,0 +1,355 @@
+//! The attitudes a schedule may take, covered by finitely many directions of gravity.
+//!
+//! Turning the platform about the vertical only mixes North and East, which the bound maximises
+//! over in closed form, so what is left of an attitude is the direction g of gravity in the
+//! platform: a point of the sphere. A grid of rings about the platform's z axis covers it within
+//! an angle that is computed, not assumed.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::Vector3;
+
+use crate::attitude::{Attitude, Position};
+use crate::platform::{GimbalRange, Gimbals, Motion};
+
+/// Spacing of the rings, rad: about 18 000 directions.
+const SPACING: f64 = 1.5 * PI / 180.0;
+/// Smallest spacing for a small cover, rad.
+const FINEST: f64 = 0.3 * PI / 180.0;
+/// Step at which ranges of α and β are sampled, relative to the spacing, and most samples.
+const SAMPLE: f64 = 0.6;
+const MOST_SAMPLES: f64 = 100_000.0;
+/// Most attitudes of an index table that are visited one by one.
+const LARGEST_TABLE: usize = 60_000;
+
+/// Rings of directions about the platform's z axis.
+#[derive(Debug, Clone)]
+pub(super) struct Sphere {
+    pub directions: Vec<Vector3<f64>>,
+    rings: Vec<Ring>,
+    /// Width of a ring's band, rad.
+    band: f64,
+    /// Every direction lies within this angle of one of the grid, rad.
+    pub radius: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Ring {
+    colatitude: f64,
+    first: usize,
+    count: usize,
+}
+
+impl Sphere {
+    pub fn new(spacing: f64) -> Self {
+        let ring_count = (PI / spacing).ceil() as usize;
+        let band = PI / ring_count as f64;
+        let mut sphere = Self {
+            directions: Vec::new(),
+            rings: Vec::new(),
+            band,
+            radius: 0.0,
+        };
+        for k in 0..ring_count {
+            let colatitude = (k as f64 + 0.5) * band;
+            let count = (TAU * colatitude.sin() / spacing).ceil().max(3.0) as usize;
+            let first = sphere.directions.len();
+            for i in 0..count {
+                let azimuth = TAU * i as f64 / count as f64;
+                sphere.directions.push(direction(colatitude, azimuth));
+            }
+            // Haversines, with the widest parallel of the band.
+            let nearest = (colatitude - FRAC_PI_2).abs() - 0.5 * band;
+            let widest = nearest.max(0.0).cos();
+            let across = (FRAC_PI_2 / count as f64).sin().powi(2);
+            let hav = (0.25 * band).sin().powi(2) + colatitude.sin() * widest * across;
+            sphere.radius = sphere.radius.max(2.0 * hav.sqrt().min(1.0).asin());
+            sphere.rings.push(Ring {
+                colatitude,
+                first,
+                count,
+            });
+        }
+        sphere
+    }
+
+    /// Marks the grid directions within `reach` of the arc at `colatitude` from azimuth `from`
+    /// over `length`.
+    fn mark(&self, marks: &mut [bool], colatitude: f64, from: f64, length: f64, reach: f64) {
+        let ring_at = |angle: f64| ((angle / self.band).floor().max(0.0)) as usize;
+        let last = ring_at(colatitude + reach).min(self.rings.len() - 1);
+        for ring in &self.rings[ring_at(colatitude - reach)..=last] {
+            if marks[ring.first] && length >= TAU {
+                continue;
+            }
+            let sines = ring.colatitude.sin() * colatitude.sin();
+            let cosine = reach.cos() - ring.colatitude.cos() * colatitude.cos();
+            let pad = if cosine <= -sines {
+                PI
+            } else {
+                (cosine / sines).min(1.0).acos()
+            };
+            let step = TAU / ring.count as f64;
+            let low = ((from - pad) / step).floor() as i64;
+            let wide = ((length + 2.0 * pad) / step).ceil() as i64 + 1;
+            let count = ring.count as i64;
+            for i in low..=low + wide.min(count) {
+                marks[ring.first + i.rem_euclid(count) as usize] = true;
+            }
+        }
+    }
+}
+
+fn direction(colatitude: f64, azimuth: f64) -> Vector3<f64> {
+    let (s, c) = colatitude.sin_cos();
+    Vector3::new(s * azimuth.cos(), s * azimuth.sin(), c)
+}
+
+/// What the bound maximises over.
+#[derive(Debug, Clone)]
+pub(super) enum Allowed {
+    /// Every attitude.
+    Everything,
+    /// Directions that cover those the gimbal ranges allow, at any heading.
+    Cover {
+        /// The directions.
+        directions: Vec<Vector3<f64>>,
+        /// Every allowed direction lies within this angle of one of them, rad.
+        radius: f64,
+    },
+    /// The attitudes of an index table whose moves take no time.
+    Table(Vec<Attitude>),
+}
+
+/// The sphere's grid and what of it is allowed.
+#[derive(Debug, Clone)]
+pub(super) struct Directions {
+    pub sphere: Sphere,
+    pub allowed: Allowed,
+}
+
+impl Directions {
+    pub fn new(gimbals: &Gimbals, motion: &Motion) -> Self {
+        let sphere = Sphere::new(SPACING);
+        // A move that takes time passes between the table's positions, and the drift integrates
+        // meanwhile.
+        let table = match (gimbals.step_rad, motion.slew_rate_rad_per_s) {
+            (Some(step), None) => table(gimbals, step),
+            _ => None,
+        };
+        let allowed = match table {
+            Some(attitudes) => Allowed::Table(attitudes),
+            None => cover(&sphere, gimbals),
+        };
+        Self { sphere, allowed }
+    }
+
+    /// Every attitude.
+    pub fn unlimited() -> Self {
+        Self {
+            sphere: Sphere::new(SPACING),
+            allowed: Allowed::Everything,
+        }
+    }
+}
+
+/// The sampled values of an angle: all of them within `half` of a sample.
+fn samples(range: Option<GimbalRange>, step: f64) -> (Vec<f64>, f64) {
+    let (low, width) = turned(range);
+    let count = (width / step).ceil().max(1.0);
+    let step = width / count;
+    let values = (0..count as usize)
+        .map(|i| low + (i as f64 + 0.5) * step)
+        .collect();
+    (values, 0.5 * step)
+}
+
+/// Start and width of a range, a whole turn at most.
+fn turned(range: Option<GimbalRange>) -> (f64, f64) {
+    match range {
+        Some(r) if r.high_rad - r.low_rad < TAU => (r.low_rad, r.high_rad - r.low_rad),
+        _ => (0.0, TAU),
+    }
+}
+
+/// The directions within the ranges, covered as finely as their share of the sphere allows.
+fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
+    let marks = marked(coarse, SPACING, gimbals);
+    let count = marks.iter().filter(|m| **m).count();
+    if count == marks.len() {
+        return Allowed::Everything;
+    }
+    let share = count as f64 / marks.len() as f64;
+    let spacing = (SPACING * share.sqrt()).max(FINEST);
+    let fine = Sphere::new(spacing);
+    let marks = marked(&fine, spacing, gimbals);
+    let kept = fine.directions.iter().zip(marks);
+    Allowed::Cover {
+        directions: kept.filter(|(_, m)| *m).map(|(d, _)| *d).collect(),
+        radius: fine.radius,
+    }
+}
+
+/// The grid directions within reach of an allowed one. g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns
+/// about the rings' axis, so each (α, β) gives an arc.
+fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
+    let [alpha, beta, gamma] = gimbals.ranges;
+    let area = turned(alpha).1 * turned(beta).1;
+    let step = (SAMPLE * spacing).max((area / MOST_SAMPLES).sqrt());
+    let (alphas, half_alpha) = samples(alpha, step);
+    let (betas, half_beta) = samples(beta, step);
+    let (from, length) = turned(gamma);
+    let reach = half_alpha + half_beta + sphere.radius + 1e-9;
+    let mut marks = vec![false; sphere.directions.len()];
+    for &alpha in &alphas {
+        for &beta in &betas {
+            let g = Position::from_rad(alpha, beta, 0.0).attitude().gravity_c();
+            let colatitude = g.z.clamp(-1.0, 1.0).acos();
+            let azimuth = g.y.atan2(g.x);
+            sphere.mark(&mut marks, colatitude, azimuth + from, length, reach);
+        }
+        if marks.iter().all(|m| *m) {
+            break;
+        }
+    }
+    marks
+}
+
+/// The attitudes of an index table within the ranges; none when there are too many, or none.
+fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
+    let axes: Vec<Vec<f64>> = gimbals
+        .ranges
+        .iter()
+        .map(|range| multiples(*range, step))
+        .collect();
+    let count = axes
+        .iter()
+        .map(Vec::len)
+        .try_fold(1_usize, usize::checked_mul)?;
+    if count == 0 || count > LARGEST_TABLE {
+        return None;
+    }
+    let mut attitudes = Vec::with_capacity(count);
+    for &alpha in &axes[0] {
+        for &beta in &axes[1] {
+            for &gamma in &axes[2] {
+                attitudes.push(Position::from_rad(alpha, beta, gamma).attitude());
+            }
+        }
+    }
+    let key = |a: &Attitude| {
+        let mut rounded = [0_i64; 9];
+        for (r, v) in rounded.iter_mut().zip(a.matrix().iter()) {
+            *r = (v * 1e9).round() as i64;
+        }
+        rounded
+    };
+    attitudes.sort_by_cached_key(key);
+    attitudes.dedup_by_key(|a| key(a));
+    Some(attitudes)
+}
+
+/// Multiples of the step within a range, those that differ by whole turns once. An unlimited
+/// axis whose step does not divide the turn has more of them than a table can list.
+fn multiples(range: Option<GimbalRange>, step: f64) -> Vec<f64> {
+    let (low, high) = match range {
+        Some(r) => (r.low_rad, r.high_rad),
+        None => {
+            let per_turn = TAU / step;
+            if (per_turn - per_turn.round()).abs() > 1e-9 {
+                return vec![0.0; LARGEST_TABLE + 1];
+            }
+            (0.0, TAU - 0.5 * step)
+        }
+    };
+    let slack = 1e-9;
+    let first = ((low - slack) / step).ceil();
+    let last = ((high + slack) / step).floor();
+    let count = (last - first + 1.0).clamp(0.0, LARGEST_TABLE as f64 + 1.0) as usize;
+    (0..count).map(|i| (first + i as f64) * step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::PlatformConfig;
+
+    fn directions(change: impl FnOnce(&mut PlatformConfig)) -> Directions {
+        let mut config = PlatformConfig::default();
+        change(&mut config);
+        let platform = config.check().unwrap();
+        Directions::new(platform.gimbals(), platform.motion())
+    }
+
+    fn is_everything(directions: &Directions) -> bool {
+        matches!(directions.allowed, Allowed::Everything)
+    }
+
+    /// A deterministic spread of numbers in 0..1.
+    fn fraction(i: usize, k: f64) -> f64 {
+        (0.5 + i as f64 * k).fract()
+    }
+
+    #[test]
+    fn every_direction_is_near_the_grid() {
+        for spacing in [0.3, 0.05] {
+            let sphere = Sphere::new(spacing);
+            assert!(sphere.radius < spacing);
+            for i in 0..2000 {
+                let z = 2.0 * fraction(i, 0.618_033_988_7) - 1.0;
+                let d = direction(z.acos(), TAU * fraction(i, 0.754_877_666));
+                let nearest = sphere.directions.iter().map(|g| g.dot(&d));
+                let cosine = nearest.fold(-1.0, f64::max);
+                assert!(cosine.min(1.0).acos() <= sphere.radius + 1e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cover_holds_every_allowed_direction_and_leaves_the_far_ones_out() {
+        let limited = directions(|c| {
+            c.gimbals.alpha_deg = Some([-30.0, 50.0]);
+            c.gimbals.beta_deg = Some([-20.0, 60.0]);
+            c.gimbals.gamma_deg = Some([-40.0, 100.0]);
+        });
+        let Allowed::Cover { directions, radius } = &limited.allowed else {
+            panic!("a limited stand is a cover");
+        };
+        for i in 0..1000 {
+            let g = Position::from_deg(
+                -30.0 + 80.0 * fraction(i, 0.819_172_513),
+                -20.0 + 80.0 * fraction(i, 0.671_043_607),
+                -40.0 + 140.0 * fraction(i, 0.549_700_478),
+            )
+            .attitude()
+            .gravity_c();
+            let nearest = directions.iter().map(|d| d.dot(&g)).fold(-1.0, f64::max);
+            assert!(nearest.min(1.0).acos() <= radius + 1e-7);
+        }
+        // The opposite of a level platform's gravity is out of reach.
+        assert!(directions.iter().all(|d| d.y < 0.9));
+    }
+
+    #[test]
+    fn free_gimbals_and_a_limited_middle_one_allow_everything() {
+        assert!(is_everything(&directions(|_| {})));
+        let middle = directions(|c| c.gimbals.beta_deg = Some([-60.0, 60.0]));
+        assert!(is_everything(&middle));
+        let outer = directions(|c| c.gimbals.alpha_deg = Some([-60.0, 60.0]));
+        assert!(!is_everything(&outer));
+    }
+
+    #[test]
+    fn a_table_is_listed_only_when_moves_take_no_time() {
+        let quarter = directions(|c| c.gimbals.step_deg = Some(90.0));
+        assert!(matches!(&quarter.allowed, Allowed::Table(a) if a.len() == 24));
+        let slewing = directions(|c| {
+            c.gimbals.step_deg = Some(90.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0);
+        });
+        assert!(is_everything(&slewing));
+        // 7° does not divide the turn: all multiples together fill it.
+        let uneven = directions(|c| c.gimbals.step_deg = Some(7.0));
+        assert!(is_everything(&uneven));
+    }
+}

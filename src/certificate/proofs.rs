@@ -1,0 +1,312 @@
+//! The steps of `docs/certificate.md`, each against dense matrices or brute force.
+
+mod design;
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::conditions::{Cells, Conditions};
+use super::design::Space;
+use super::directions::Directions;
+use super::majorant::{Bounded, Choice, Emphasis, Majorant, majorants};
+use super::profile::profile;
+use super::recursion::{Recursion, isotropic_holds};
+use super::*;
+use crate::attitude::{Attitude, EAST, NORTH, Position};
+use crate::covariance::{CovarianceModel, TickRule};
+use crate::drift::{DriftMatrix, drift_matrix};
+use crate::motion::Timeline;
+use crate::platform::{PlatformConfig, Repositioning};
+use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Numbers in 0..1, the same in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn unit(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+    fn position(&mut self) -> Position {
+        Position::from_rad(
+            self.between(-3.1, 3.1),
+            self.between(-3.1, 3.1),
+            self.between(-3.1, 3.1),
+        )
+    }
+}
+
+fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
+    let mut config = PlatformConfig::default();
+    change(&mut config);
+    config.check().unwrap()
+}
+
+fn recursion(platform: &Platform, total_time_s: f64) -> Recursion {
+    let conditions = Conditions::new(platform);
+    let cells = Cells::new(&conditions, total_time_s).unwrap();
+    let profile = profile(&conditions, &cells);
+    Recursion::new(conditions, cells, profile)
+}
+
+/// Measurement times at least a period apart, the first a period after the start or later.
+fn admissible_times(numbers: &mut Numbers, period: f64, total: f64) -> Vec<f64> {
+    let slack = numbers.between(0.0, 0.6);
+    let mut times = Vec::new();
+    let mut t = 0.0;
+    loop {
+        // Mostly one period after the other, as within a dwell; sometimes later.
+        let late = if numbers.unit() < 0.3 {
+            numbers.between(0.0, 2.0 * slack)
+        } else {
+            0.0
+        };
+        t += period * (1.0 + late);
+        if t > total {
+            return times;
+        }
+        times.push(t);
+    }
+}
+
+/// The covariance of the measurements at `times` with process noise PSD `noise(cell)` (diagonal),
+/// the prior of ψ and a drift of the trace of variance `trace`: dense, by quadrature.
+fn dense(
+    r: &Recursion,
+    times: &[f64],
+    trace: f64,
+    noise: impl Fn(usize) -> Vector3<f64>,
+) -> DMatrix<f64> {
+    const POINTS: usize = 40;
+    let (c, length) = (&r.conditions, r.cells.length_s);
+    let phi = |t: f64| c.dynamics.transition(t);
+    let down = Vector3::new(0.0, -1.0 / 3.0_f64.sqrt(), 0.0);
+    let prior = Matrix3::from_diagonal(&c.prior_psi);
+    let mut out = DMatrix::zeros(2 * times.len(), 2 * times.len());
+    for (k, &tk) in times.iter().enumerate() {
+        for (l, &tl) in times.iter().enumerate() {
+            let end = tk.min(tl);
+            let mut block = phi(tk) * prior * phi(tl).transpose();
+            let (gk, gl) = (
+                c.dynamics.integral(tk) * down,
+                c.dynamics.integral(tl) * down,
+            );
+            block += gk * gl.transpose() * trace;
+            for cell in 0..r.cells.count {
+                let (from, to) = (cell as f64 * length, ((cell + 1) as f64 * length).min(end));
+                if to <= from {
+                    continue;
+                }
+                let q = Matrix3::from_diagonal(&noise(cell));
+                let width = (to - from) / POINTS as f64;
+                for i in 0..POINTS {
+                    let s = from + (i as f64 + 0.5) * width;
+                    block += phi(tk - s) * q * phi(tl - s).transpose() * width;
+                }
+            }
+            for (i, &a) in [NORTH, EAST].iter().enumerate() {
+                for (j, &b) in [NORTH, EAST].iter().enumerate() {
+                    out[(2 * k + i, 2 * l + j)] = block[(a, b)];
+                }
+            }
+        }
+        out[(2 * k, 2 * k)] += c.noise_variance;
+        out[(2 * k + 1, 2 * k + 1)] += c.noise_variance;
+    }
+    out
+}
+
+fn least_eigenvalue(matrix: &DMatrix<f64>) -> f64 {
+    (0.5 * (matrix + matrix.transpose()))
+        .symmetric_eigenvalues()
+        .min()
+}
+
+fn rms_majorant(platform: &Platform, total_time_s: f64) -> Bounded {
+    let conditions = Conditions::new(platform);
+    let emphasis = Emphasis::new(&conditions, &CoefficientVector::repeat(1.0), Choice::Free);
+    majorants(&conditions, total_time_s, &emphasis)[0]
+}
+
+/// Sections 2 and 3: what the recursion accepts majorises every admissible set of times, seen on
+/// dense covariances; and it does not accept much less than the dense test does.
+#[test]
+fn the_recursion_majorises_every_admissible_set_of_times() {
+    let mut numbers = Numbers(1);
+    let cases = [
+        (50.0, 28.2, 0.01, 1000.0),
+        (100.0, -70.0, 0.003, 1450.0),
+        (60.0, 0.0, 0.0, 700.0),
+    ];
+    for (period, latitude, drift, total) in cases {
+        let platform = platform(|c| {
+            c.filter.period_s = period;
+            c.site.latitude_deg = latitude;
+            c.gyro.random_drift_deg_per_h = Some(drift);
+        });
+        let r = recursion(&platform, total);
+        let bounded = rms_majorant(&platform, total);
+        assert_eq!(bounded.kind, Majorant::Separated);
+        let prior = r.conditions.decoupled_prior_information()[3].recip();
+        // The test grants itself no more than this of the trace's prior variance.
+        let trace = r
+            .sharing
+            .trace_variance(&r.conditions, &r.cells, prior, 0.05);
+        let psd = r.conditions.drift_psd;
+        let noise = |scale: f64| {
+            let delta = bounded.delta;
+            let f = r.profile.clone();
+            move |cell: usize| Vector3::from(delta.map(|d| psd - 1.0 / (scale * d * f[cell])))
+        };
+        for _ in 0..25 {
+            let times = admissible_times(&mut numbers, period, total);
+            let least = least_eigenvalue(&dense(&r, &times, trace, noise(1.0)));
+            assert!(least > 0.0, "{period} {latitude}: {least}");
+        }
+        let uniform: Vec<f64> = (1..=r.cells.measurements as usize)
+            .map(|i| i as f64 * period)
+            .collect();
+        let trace = 0.5
+            * r.sharing
+                .trace_variance(&r.conditions, &r.cells, prior, 1e-3);
+        let short = least_eigenvalue(&dense(&r, &uniform, trace, noise(0.6)));
+        assert!(short < 0.0, "{period} {latitude}: {short}");
+    }
+}
+
+/// Section 4: no admissible set of times gives more information on the trace than the bound.
+#[test]
+fn the_trace_is_never_known_better_than_its_bound() {
+    let mut numbers = Numbers(2);
+    let platform = platform(|c| c.filter.period_s = 50.0);
+    let r = recursion(&platform, 2000.0);
+    let bound = r.trace_information();
+    let psd = r.conditions.drift_psd;
+    let down = Vector3::new(0.0, -1.0 / 3.0_f64.sqrt(), 0.0);
+    let information = |times: &[f64]| {
+        let covariance = dense(&r, times, 0.0, |_| Vector3::repeat(psd));
+        let seen = nalgebra::DVector::from_fn(2 * times.len(), |i, _| {
+            let drifted = r.conditions.dynamics.integral(times[i / 2]) * down;
+            drifted[[NORTH, EAST][i % 2]]
+        });
+        seen.dot(&covariance.cholesky().unwrap().solve(&seen))
+    };
+    let uniform: Vec<f64> = (1..=40).map(|i| f64::from(i) * 50.0).collect();
+    let full = information(&uniform);
+    assert!(full <= bound && full > 0.97 * bound, "{full} {bound}");
+    for _ in 0..10 {
+        let times = admissible_times(&mut numbers, 50.0, 2000.0);
+        assert!(information(&times) <= bound);
+    }
+}
+
+/// Section 7: the isotropic majorant, ψ^n turned at will between measurements of all three axes.
+#[test]
+fn the_isotropic_recursion_majorises_one_channel() {
+    let mut numbers = Numbers(3);
+    let platform = platform(|c| {
+        c.filter.period_s = 20.0;
+        c.motion.repositioning = Repositioning::FrameHold;
+    });
+    let r = recursion(&platform, 1500.0);
+    let bounded = rms_majorant(&platform, 1500.0);
+    assert_eq!(bounded.kind, Majorant::Isotropic);
+    let delta = bounded.delta[0];
+    assert!(isotropic_holds(&r, delta) && !isotropic_holds(&r, 0.99 * delta));
+    for _ in 0..25 {
+        let times = admissible_times(&mut numbers, 20.0, 1500.0);
+        let integral = |end: f64| {
+            (0..r.cells.count)
+                .map(|j| {
+                    let inside = (end - j as f64 * 20.0).clamp(0.0, 20.0);
+                    inside * (r.conditions.drift_psd - 1.0 / (delta * r.profile[j]))
+                })
+                .sum::<f64>()
+        };
+        let covariance = DMatrix::from_fn(times.len(), times.len(), |k, l| {
+            let noise = if k == l {
+                r.conditions.noise_variance
+            } else {
+                0.0
+            };
+            r.conditions.prior_psi.min() + integral(times[k].min(times[l])) + noise
+        });
+        assert!(least_eigenvalue(&covariance) > 0.0);
+    }
+}
+
+/// The chain of sections 1 to 4 end to end: S of a schedule, from its computed covariance, lies
+/// below Λ + ∫ AᵀΔA dt over the attitudes it takes.
+#[test]
+fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
+    let mut numbers = Numbers(4);
+    for (latitude, frame_hold) in [(28.2, false), (-80.0, false), (28.2, true)] {
+        let platform = platform(|c| {
+            c.site.latitude_deg = latitude;
+            if frame_hold {
+                c.motion.repositioning = Repositioning::FrameHold;
+            }
+        });
+        let total = 3000.0;
+        let conditions = Conditions::new(&platform);
+        let r = recursion(&platform, total);
+        let bounded = rms_majorant(&platform, total);
+        let model = CovarianceModel::new(&platform);
+        let everything = Directions::unlimited();
+        let trace = bounded.trace_information.and(conditions.trace_direction());
+        let prior = conditions.decoupled_prior_information();
+        let space = Space::new(&everything, bounded, &prior, trace.as_ref());
+        for _ in 0..10 {
+            let mut dwells: Vec<f64> = (0..8).map(|_| numbers.between(0.2, 1.0)).collect();
+            let sum: f64 = dwells.iter().sum();
+            dwells.iter_mut().for_each(|d| *d *= total / sum);
+            let positions: Vec<ScheduledPosition> = dwells
+                .iter()
+                .map(|d| ScheduledPosition::new(numbers.position(), *d))
+                .collect();
+            let timeline = Timeline::new(&platform, &Schedule::new(positions).unwrap()).unwrap();
+            let end = model.end_covariance(&timeline, TickRule::Filter).unwrap();
+            let p = DMatrix::from_fn(12, 12, |i, j| end.coefficients[(i, j)]);
+            // The block of P off the trace is S⁻¹.
+            let inverse = space.basis.transpose() * p * &space.basis;
+            let s = inverse.try_inverse().unwrap();
+            let mut majorant = space.prior.clone();
+            let mut start = 0.0;
+            for leg in timeline.legs() {
+                let share = mass_between(&r, &bounded, start, start + leg.dwell_s);
+                start += leg.dwell_s;
+                let a: DriftMatrix = drift_matrix(&leg.attitude);
+                let a =
+                    DMatrix::from_fn(3, 12, |i, j| (bounded.delta[i] * share).sqrt() * a[(i, j)]);
+                let rows = a * &space.basis;
+                majorant += rows.transpose() * rows;
+            }
+            let scale = majorant.diagonal().map(|d| d.sqrt().recip());
+            let difference = majorant - s;
+            let scaled = DMatrix::from_fn(space.size(), space.size(), |i, j| {
+                difference[(i, j)] * scale[i] * scale[j]
+            });
+            let least = least_eigenvalue(&scaled);
+            assert!(least > -1e-6, "{latitude} {frame_hold}: {least}");
+        }
+    }
+}
+
+fn mass_between(r: &Recursion, bounded: &Bounded, from: f64, to: f64) -> f64 {
+    if bounded.mass == r.cells.total_time_s {
+        return to - from;
+    }
+    let length = r.cells.length_s;
+    (0..r.cells.count)
+        .map(|j| {
+            let start = j as f64 * length;
+            let inside = (to.min(start + length) - from.max(start)).max(0.0);
+            r.profile[j] * inside
+        })
+        .sum()
+}

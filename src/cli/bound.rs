@@ -1,0 +1,95 @@
+//! `bound`: what no schedule can beat, without searching for one.
+
+use crate::certificate::{Certifier, MinimumTime};
+use crate::error::Result;
+use crate::results::BoundDocument;
+use crate::study::Mode;
+
+use super::Exit;
+use super::args::BoundArgs;
+use super::inputs;
+use super::output::Output;
+use super::report::wrap;
+use super::table;
+
+/// Runs the command.
+pub(super) fn run(args: &BoundArgs, output: Output) -> Result<Exit> {
+    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let evaluator = study.evaluator();
+    let objective = evaluator.objective();
+    let total_time_s = study.objective().total_time_s;
+    let (bound, minimum) = inputs::thread_pool(&study)?.install(|| {
+        let certifier = Certifier::new(study.platform());
+        let bound = certifier.bound(&objective.criterion, total_time_s)?;
+        let spec = objective.spec_deg_per_h.as_ref();
+        let minimum = spec.map(|spec| certifier.minimum_time(spec, total_time_s));
+        Ok::<_, crate::Error>((bound, minimum.transpose()?))
+    })?;
+    let document = BoundDocument::new(&bound, minimum, objective, &inputs);
+    let text = if args.common.json {
+        document.to_json()?
+    } else {
+        report(&document)
+    };
+    output.data(&text)?;
+    let hopeless = match minimum {
+        Some(MinimumTime::MoreThan(s)) => s >= total_time_s,
+        Some(MinimumTime::NotWithin(_)) => true,
+        _ => false,
+    };
+    Ok(match study.objective().mode {
+        Mode::Time if hopeless => Exit::NoSchedule,
+        _ => Exit::Done,
+    })
+}
+
+/// The bound for people.
+fn report(document: &BoundDocument) -> String {
+    let mut text = String::new();
+    if document.criterion != "a" {
+        let unit = match document.criterion_unit.as_str() {
+            "1" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        text.push_str(&format!(
+            "No schedule of {} s or less has a criterion {} below {}{unit}\n",
+            table::seconds(document.total_time_s),
+            document.criterion,
+            table::number(document.lower_bound),
+        ));
+    }
+    text.push_str(&format!(
+        "No schedule of {} s or less has an RMS sigma below {} deg/h\n",
+        table::seconds(document.total_time_s),
+        table::number(document.rms_sigma_lower_bound_deg_per_h),
+    ));
+    if let Some(minimum) = &document.minimum_time {
+        let mut letters = minimum.chars();
+        let first = letters.next().map(|c| c.to_uppercase().to_string());
+        text.push_str(&wrap(&format!(
+            "{}{}",
+            first.unwrap_or_default(),
+            letters.as_str()
+        )));
+    }
+    text.push_str("\nEach coefficient by itself, 1 sigma; not all can be this good at once\n\n");
+    text.push_str(&table::sigma_bounds(document));
+    text.push('\n');
+    for remark in &document.remarks {
+        text.push_str(&wrap(&format!("Note: {remark}.")));
+    }
+    text.push_str(&wrap(&how(document)));
+    text
+}
+
+/// What the bound rests on.
+fn how(document: &BoundDocument) -> String {
+    let Some(majorant) = &document.majorant else {
+        return "Whatever the sequence, order, number and motion of the positions.".to_owned();
+    };
+    format!(
+        "Whatever the sequence, order, number and motion of the positions; {majorant} majorant, \
+         equivalence gap {:.0e}.",
+        document.equivalence_gap
+    )
+}
