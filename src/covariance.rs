@@ -8,11 +8,13 @@
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
 //! - [`gradient`]: its reverse mode;
+//! - `two_stage`: value and gradient in straight-line code, for one schedule or several at once;
 //! - [`mod@reference`]: an independent step-by-step square-root filter on faer, for the convergence
 //!   history and to check every winner.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
+mod batch;
 pub mod chain;
 pub mod gradient;
 pub mod history;

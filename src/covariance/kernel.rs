@@ -32,7 +32,7 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::small::whitener;
-use super::two_stage::DwellNumbers;
+use super::two_stage::gains::DwellNumbers;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::dynamics::ErrorDynamics;
 

@@ -25,8 +25,11 @@
 )]
 
 pub(crate) mod adjoint;
+#[cfg(test)]
+mod counting;
 pub(crate) mod course;
 pub(crate) mod earth;
+pub(crate) mod gains;
 pub(crate) mod information;
 pub(crate) mod moves;
 pub(crate) mod numbers;
@@ -34,17 +37,12 @@ pub(crate) mod single;
 pub(crate) mod square;
 pub(crate) mod trigonometry;
 
-use nalgebra::Matrix3;
-
-use super::kernel::Kernel;
 use crate::attitude::{Attitude, UP};
 use earth::Passed;
+use gains::{Gain, Seen};
 use information::Information;
-use numbers::{Arithmetic, Number, Row, three};
-use square::{
-    Entries, Square, combine, condition, difference, entries, gram_of_rows, product, rows,
-    square_root, transpose, transposed_product, whitener,
-};
+use numbers::{Arithmetic, Row, three};
+use square::{Entries, Square, combine, entries, product, rows, transposed_product};
 
 /// 3×12, gyro by gyro: row, gyro, factor.
 pub(crate) type Wide<Q> = [[Q; 3]; 3];
@@ -111,154 +109,11 @@ pub(crate) fn attitude_entries(attitude: &Attitude) -> Entries<f64> {
     three!(|i| three!(|j| m[(i, j)]))
 }
 
-/// A dwell's kernel, padded and with its products, in plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct DwellNumbers {
-    r11: [[f64; 4]; 3],
-    r12: [[f64; 4]; 3],
-    r22: [[f64; 4]; 3],
-    /// R11ᵀ R11.
-    j: [[f64; 4]; 3],
-    /// R11ᵀ R12.
-    cross: [[f64; 4]; 3],
-    a_psi: [[f64; 4]; 3],
-    a_psi_t: [[f64; 4]; 3],
-    a_epsilon: [[f64; 4]; 3],
-    c: [[f64; 4]; 3],
-}
-
-impl DwellNumbers {
-    /// Of `kernel`.
-    pub fn new(kernel: &Kernel) -> Self {
-        let padded = |m: &Matrix3<f64>| [0, 1, 2].map(|i| [m[(i, 0)], m[(i, 1)], m[(i, 2)], 0.0]);
-        Self {
-            r11: padded(&kernel.r11),
-            r12: padded(&kernel.r12),
-            r22: padded(&kernel.r22),
-            j: padded(&(kernel.r11.transpose() * kernel.r11)),
-            cross: padded(&(kernel.r11.transpose() * kernel.r12)),
-            a_psi: padded(&kernel.a_psi),
-            a_psi_t: padded(&kernel.a_psi.transpose()),
-            a_epsilon: padded(&kernel.a_epsilon),
-            c: padded(&kernel.c),
-        }
-    }
-}
-
-#[inline(always)]
-fn constant_entries<A: Arithmetic>(ar: A, m: &[[f64; 4]; 3]) -> Entries<A::Number> {
-    three!(|i| three!(|j| ar.number(m[i][j])))
-}
-
-#[inline(always)]
-fn constant_rows<A: Arithmetic>(ar: A, m: &[[f64; 4]; 3]) -> Square<A::Triple> {
-    three!(|i| ar.constants(&m[i]))
-}
-
-/// A dwell's kernel as an arithmetic reads it: entries of what multiplies from the left, rows of
-/// what is multiplied.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct DwellKernel<A: Arithmetic> {
-    r11: Entries<A::Number>,
-    a_psi: Entries<A::Number>,
-    r22: Entries<A::Number>,
-    r11_rows: Square<A::Triple>,
-    r12_rows: Square<A::Triple>,
-    r22_rows: Square<A::Triple>,
-    j_rows: Square<A::Triple>,
-    cross_rows: Square<A::Triple>,
-    a_psi_rows: Square<A::Triple>,
-    a_psi_t_rows: Square<A::Triple>,
-    a_epsilon_rows: Square<A::Triple>,
-    c_rows: Square<A::Triple>,
-}
-
-impl<A: Arithmetic> DwellKernel<A> {
-    /// The same kernel in every lane.
-    #[inline(always)]
-    pub fn new(ar: A, k: &DwellNumbers) -> Self {
-        Self {
-            r11: constant_entries(ar, &k.r11),
-            a_psi: constant_entries(ar, &k.a_psi),
-            r22: constant_entries(ar, &k.r22),
-            r11_rows: constant_rows(ar, &k.r11),
-            r12_rows: constant_rows(ar, &k.r12),
-            r22_rows: constant_rows(ar, &k.r22),
-            j_rows: constant_rows(ar, &k.j),
-            cross_rows: constant_rows(ar, &k.cross),
-            a_psi_rows: constant_rows(ar, &k.a_psi),
-            a_psi_t_rows: constant_rows(ar, &k.a_psi_t),
-            a_epsilon_rows: constant_rows(ar, &k.a_epsilon),
-            c_rows: constant_rows(ar, &k.c),
-        }
-    }
-}
-
-/// What a dwell does to V, E and P: the matrices of the module text.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Gain<A: Arithmetic> {
-    /// Y = S^{-½} R11.
-    pub y: Square<A::Triple>,
-    /// Z = S^{-½} R12.
-    pub z: Square<A::Triple>,
-    /// M = A_ψ (I − P₊ J).
-    pub m: Square<A::Triple>,
-    /// N = A_ε − A_ψ P₊ R11ᵀ R12.
-    pub n: Square<A::Triple>,
-    /// P at the end of the dwell.
-    pub p: Entries<A::Number>,
-}
-
-impl<A: Arithmetic> Gain<A> {
-    /// Of a dwell that starts with the covariance `p` of ψ^n.
-    #[inline(always)]
-    pub fn new(ar: A, k: &DwellKernel<A>, p: &Entries<A::Number>) -> Self {
-        let g = square_root(p);
-        let b = lower_product(&k.r11, &g);
-        let (w, d) = whitener(&gram_of_rows(&b));
-        let p_plus = condition(&g, &gram_of_rows(&transpose(&b)));
-        let root = three!(|i| d[i].sqrt());
-        let u = entries(&product(&k.a_psi, &rows(ar, &p_plus)));
-        let end = product(&u, &k.a_psi_t_rows);
-        Self {
-            y: whiten(&w, &root, &k.r11_rows),
-            z: whiten(&w, &root, &k.r12_rows),
-            m: difference(&k.a_psi_rows, &product(&u, &k.j_rows)),
-            n: difference(&k.a_epsilon_rows, &product(&u, &k.cross_rows)),
-            p: entries(&square::sum(&end, &k.c_rows)),
-        }
-    }
-}
-
-/// D^{-½} L⁻¹ m for the entries of L⁻¹ and the diagonal of D^{-½}.
-#[inline(always)]
-fn whiten<T: Row>(w: &[T::Number; 3], root: &[T::Number; 3], m: &Square<T>) -> Square<T> {
-    [
-        m[0].times(root[0]),
-        m[0].times_add(w[0], m[1]).times(root[1]),
-        m[0].times_add(w[1], m[1].times_add(w[2], m[2]))
-            .times(root[2]),
-    ]
-}
-
-/// `r g`, g lower triangular.
-#[inline(always)]
-fn lower_product<N: Number>(r: &Entries<N>, g: &Entries<N>) -> Entries<N> {
-    three!(|i| [
-        r[i][2].mul_add(g[2][0], r[i][1].mul_add(g[1][0], r[i][0] * g[0][0])),
-        r[i][2].mul_add(g[2][1], r[i][1] * g[1][1]),
-        r[i][2] * g[2][2],
-    ])
-}
-
 /// The chain at work on one schedule, or on one per lane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Chain<A: Arithmetic> {
-    pub ar: A,
     /// V, arcsec per °/h, gyro by gyro.
     pub v: Wide<A::Quad>,
-    /// P, arcsec²; its lower triangle counts.
-    pub p: Entries<A::Number>,
     /// E, (°/h)⁻², gyro by gyro.
     pub e: Information<A>,
 }
@@ -273,47 +128,37 @@ pub(crate) struct DwellStep<A: Arithmetic> {
     pub z_c: Entries<A::Number>,
     pub n_c: Entries<A::Number>,
     pub q_c: Square<A::Triple>,
-    /// R22.
-    pub r22: Square<A::Triple>,
 }
 
-/// A measurement of ψ_x and ψ_z as the reverse mode needs it: with S = L D Lᵀ and H = [ψ_x; ψ_z],
-/// its rows are L⁻¹ H V and their weights w/D.
+/// A measurement of ψ_x and ψ_z as the reverse mode needs it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MeasureStep<A: Arithmetic> {
-    /// Information w of each axis, 1/arcsec².
-    pub weight: A::Number,
-    /// L's entry below the diagonal.
-    pub l: A::Number,
-    /// D⁻¹.
-    pub d: [A::Number; 2],
+    /// The measurement.
+    pub seen: Seen<A>,
     /// L⁻¹ H V.
     pub rows: [[A::Quad; 3]; 2],
 }
 
 impl<A: Arithmetic> Chain<A> {
-    /// Before the first position: V = 0, E = 0, P the prior.
+    /// Before the first position: V = 0, E = 0.
     #[inline(always)]
-    pub fn new(ar: A, prior_psi: &Matrix3<f64>) -> Self {
+    pub fn new(ar: A) -> Self {
         let zero = ar.number(0.0);
         let nothing = ar.quad([zero; 4]);
         Self {
-            ar,
             v: [[nothing; 3]; 3],
-            p: three!(|i| three!(|j| ar.number(prior_psi[(i, j)]))),
             e: Information::zeros(ar),
         }
     }
 
     /// Whole filter periods at a place.
     #[inline(always)]
-    pub fn dwell(&mut self, k: &DwellKernel<A>, gain: &Gain<A>, at: &Place<A>) -> DwellStep<A> {
+    pub fn dwell(&mut self, gain: &Gain<A>, at: &Place<A>) -> DwellStep<A> {
         let z_c = entries(&product(&entries(&gain.z), &at.rows));
         let n_c = entries(&product(&entries(&gain.n), &at.rows));
-        let q_c = product(&k.r22, &at.rows);
+        let q_c = product(&entries(&gain.r22), &at.rows);
         let x = carry::<A>(&entries(&gain.y), &self.v, &z_c, at.h);
         self.v = carry::<A>(&entries(&gain.m), &self.v, &n_c, at.h);
-        self.p = gain.p;
         let n_gram = entries(&transposed_product(&entries(&q_c), &q_c));
         self.e.add_dwell(&x, &n_gram, at.h);
         DwellStep {
@@ -322,7 +167,6 @@ impl<A: Arithmetic> Chain<A> {
             z_c,
             n_c,
             q_c,
-            r22: k.r22_rows,
         }
     }
 
@@ -331,7 +175,6 @@ impl<A: Arithmetic> Chain<A> {
     pub fn pass_at(&mut self, passed: &Passed<A>, at: &Place<A>) -> Entries<A::Number> {
         let gamma_c = entries(&product(&passed.gamma, &at.rows));
         self.v = carry::<A>(&passed.phi, &self.v, &gamma_c, at.h);
-        self.p = passed.covariance(self.ar, &self.p);
         gamma_c
     }
 
@@ -340,49 +183,26 @@ impl<A: Arithmetic> Chain<A> {
     pub fn pass(&mut self, passed: &Passed<A>, b: &Wide<A::Quad>) {
         let v = &self.v;
         self.v = three!(|i| three!(|j| add_column(&passed.phi[i], v, j, b[i][j])));
-        self.p = passed.covariance(self.ar, &self.p);
     }
 
-    /// A measurement of ψ_x and ψ_z with information `weight` each, regular at weight zero.
+    /// A measurement of ψ_x and ψ_z.
     #[inline(always)]
-    pub fn measure(&mut self, weight: A::Number) -> MeasureStep<A> {
-        let p = &self.p;
-        let one = self.ar.number(1.0);
-        // S = I + w H P Hᵀ = L D Lᵀ.
-        let s01 = weight * p[2][0];
-        let d0 = one / weight.mul_add(p[0][0], one);
-        let l = s01 * d0;
-        let d1 = one / (weight.mul_add(p[2][2], one) - l * s01);
-        let g = square_root(p);
-        // w Gᵀ HᵀH G from the two rows of G that are seen.
-        let m = three!(|i| three!(|j| weight * g[2][i].mul_add(g[2][j], g[0][i] * g[0][j])));
-        let p_plus = condition(&g, &m);
-        let rows = [
-            self.v[0],
-            three!(|j| self.v[0][j].times_add(-l, self.v[2][j])),
-        ];
-        self.e.add_rows(&rows, [weight * d0, weight * d1]);
-        // V₊ = V − P₊ Hᵀ w H V.
+    pub fn measure(&mut self, seen: &Seen<A>) -> MeasureStep<A> {
+        let w = seen.weight;
         let v = self.v;
+        let rows = [v[0], three!(|j| v[0][j].times_add(-seen.l, v[2][j]))];
+        self.e.add_rows(&rows, [w * seen.d[0], w * seen.d[1]]);
+        // V₊ = V − P₊ Hᵀ w H V.
         self.v = three!(|i| {
-            let (x, z) = (-(weight * p_plus[i][0]), -(weight * p_plus[i][2]));
+            let (x, z) = (-(w * seen.p[i][0]), -(w * seen.p[i][2]));
             three!(|j| v[2][j].times_add(z, v[0][j].times_add(x, v[i][j])))
         });
-        self.p = p_plus;
-        MeasureStep {
-            weight,
-            l,
-            d: [d0, d1],
-            rows,
-        }
+        MeasureStep { seen: *seen, rows }
     }
 
     /// A change of position in frame-hold repositioning: ψ^n ← q ψ^n.
     #[inline(always)]
     pub fn rotate(&mut self, q: &Entries<A::Number>) {
         self.v = turn(q, &self.v);
-        let p = rows(self.ar, &square::mirrored(&self.p));
-        let half = entries(&product(q, &p));
-        self.p = entries(&product(&half, &rows(self.ar, &transpose(q))));
     }
 }

@@ -6,6 +6,7 @@
     reason = "helpers of tests unwrap, say what they measured, and index as the formulas do"
 )]
 
+mod batch;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;

@@ -42,17 +42,10 @@ pub(crate) struct Sweep<A: Arithmetic> {
 #[inline(always)]
 fn times_information<Q: Row>(x: &[Q; 3], e: &Rows<Q>) -> [Q; 3] {
     let mut out = three!(|k| e[0][k].times(x[0].get(0)));
-    for j in 0..3 {
-        for f in 0..4 {
-            if (j, f) == (0, 0) {
-                continue;
-            }
-            let factor = x[j].get(f);
-            for k in 0..3 {
-                out[k] = e[4 * j + f][k].times_add(factor, out[k]);
-            }
-        }
-    }
+    three!(|j| four!(|f| if (j, f) != (0, 0) {
+        let factor = x[j].get(f);
+        out = three!(|k| e[4 * j + f][k].times_add(factor, out[k]));
+    }));
     out
 }
 
@@ -149,19 +142,16 @@ impl<A: Arithmetic> Sweep<A> {
         let q_c = entries(&step.q_c);
         let n = entries(&transposed_product(&q_c, &step.q_c));
         let mut f = [[two; 3]; 3];
-        for j in 0..3 {
-            for k in 0..3 {
-                let rows = four!(|e| information[4 * j + e][k]);
-                let mut u = rows[0].times(h.get(0));
-                for e in 1..4 {
-                    u = rows[e].times_add(h.get(e), u);
-                }
-                f[j][k] = u.dot(h) * two;
-                self.h = u.times_add(n[j][k] * two, self.h);
-            }
-        }
+        three!(|j| three!(|k| {
+            let u = information[4 * j][k].times(h.get(0));
+            let u = information[4 * j + 1][k].times_add(h.get(1), u);
+            let u = information[4 * j + 2][k].times_add(h.get(2), u);
+            let u = information[4 * j + 3][k].times_add(h.get(3), u);
+            f[j][k] = u.dot(h) * two;
+            self.h = u.times_add(n[j][k] * two, self.h);
+        }));
         let q_f = product(&q_c, &rows(self.ar, &f));
-        self.add_c(&entries(&step.r22), &entries(&q_f));
+        self.add_c(&entries(&step.gain.r22), &entries(&q_f));
     }
 
     /// Takes time at a place back; `gamma_c` = Γ C.
@@ -205,7 +195,7 @@ impl<A: Arithmetic> Sweep<A> {
         )
     }
 
-    /// Takes a measurement back; `p` and `v` are the state after it. Returns the derivative with
+    /// Takes a measurement back; `v` is V after it. Returns the derivative with
     /// respect to its weight: with T = H V, M = (I + w H P Hᵀ)⁻¹,
     /// dE/dw = (M T)ᵀ(M T), dP₊/dw = −P₊HᵀH P₊ and dV₊/dw = −P₊HᵀH V₊.
     #[inline(always)]
@@ -213,13 +203,12 @@ impl<A: Arithmetic> Sweep<A> {
         &mut self,
         step: &MeasureStep<A>,
         v: &Wide<A::Quad>,
-        p: &Entries<A::Number>,
         information: &Rows<A::Quad>,
     ) -> A::Number {
         let ar = self.ar;
         let two = ar.number(2.0);
-        let (l, [d0, d1]) = (step.l, step.d);
-        let w = step.weight;
+        let (l, [d0, d1]) = (step.seen.l, step.seen.d);
+        let (w, p) = (step.seen.weight, &step.seen.p);
         let (w0, w1) = (w * d0, w * d1);
         let xe = [
             times_information(&step.rows[0], information),

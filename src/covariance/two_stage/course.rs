@@ -7,11 +7,12 @@
 
 use super::adjoint::Sweep;
 use super::earth::{Earth, Passed};
+use super::gains::{DwellKernel, Gains, Seen};
 use super::information::Rows;
 use super::moves::{Interval, Turn, drift_integral, drift_integral_adjoint};
-use super::numbers::{Arithmetic, three};
-use super::square::{Entries, entries, product, rows, transpose};
-use super::{Chain, DwellKernel, DwellStep, Gain, MeasureStep, Place, Wide};
+use super::numbers::{Arithmetic, Work, three};
+use super::square::{Entries, Square, entries, product, rows, transpose};
+use super::{Chain, DwellStep, MeasureStep, Place, Wide};
 use crate::covariance::gradient::LegGradient;
 use crate::motion::integral::Panels;
 
@@ -23,8 +24,9 @@ pub(crate) struct Stretch<N> {
     pub panels: Panels,
     /// Of lanes whose move ends here 1, else 0.
     pub last: N,
-    /// The weight of the measurement after it, 1/arcsec², and whether it follows the length.
-    pub measured: Option<(N, bool)>,
+    /// The weight of the measurement after it, 1/arcsec², and 1 where it follows the length, else
+    /// 0.
+    pub measured: Option<(N, N)>,
 }
 
 /// The legs of a timeline, or of one per lane.
@@ -41,12 +43,16 @@ pub(crate) trait Legs<A: Arithmetic> {
     fn stretches(&self, leg: usize) -> usize;
     /// One of them.
     fn stretch(&self, leg: usize, index: usize) -> Stretch<A::Number>;
-    /// Settling, s.
-    fn settle_s(&self, leg: usize) -> Option<A::Number>;
-    /// The kernel of the whole periods of the dwell.
+    /// Whether it settles after the move.
+    fn settles(&self, leg: usize) -> bool;
+    /// How long, s.
+    fn settle_s(&self, leg: usize) -> A::Number;
+    /// The kernel of the whole periods of the dwell; none where no lane has any.
     fn dwell(&self, leg: usize) -> Option<DwellKernel<A>>;
-    /// The rest of the dwell, s, and the weight of the measurement that ends it, 1/arcsec².
-    fn remainder(&self, leg: usize) -> Option<(A::Number, Option<A::Number>)>;
+    /// Whether the dwell has a rest.
+    fn remains(&self, leg: usize) -> bool;
+    /// The rest, s, and the weight of the measurement that ends it, 1/arcsec².
+    fn remainder(&self, leg: usize) -> (A::Number, Option<A::Number>);
 }
 
 /// What the reverse mode has to remember of a step.
@@ -67,91 +73,182 @@ pub(crate) enum Step<A: Arithmetic> {
         Wide<A::Quad>,
         Entries<A::Number>,
     ),
-    /// A measurement with V and P after it, and what its weight grows with.
-    Measure(MeasureStep<A>, Wide<A::Quad>, Entries<A::Number>, Grows),
+    /// A measurement with V after it, and what its weight grows with.
+    Measure(MeasureStep<A>, Wide<A::Quad>, Grows<A::Number>),
 }
 
 /// What the weight of a measurement grows with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Grows {
-    Not,
-    WithMove,
+pub(crate) enum Grows<N> {
+    /// With the move's duration where this is 1.
+    WithMove(N),
+    /// With the dwell.
     WithDwell,
 }
 
-/// What the forward run leaves behind.
-pub(crate) trait Tape<A: Arithmetic> {
-    /// A step of a leg.
-    fn push(&mut self, leg: usize, step: Step<A>);
+/// What the forward run leaves behind: nothing, unless it is asked to. Switched while it runs,
+/// so that value and gradient share their code.
+#[derive(Debug)]
+pub(crate) struct Tape<A: Arithmetic> {
+    /// Whether anything is kept.
+    pub on: bool,
+    /// Leg and step, in order.
+    pub steps: Vec<(usize, Step<A>)>,
 }
 
-/// Leaves nothing.
-pub(crate) struct NoTape;
-
-impl<A: Arithmetic> Tape<A> for NoTape {
-    #[inline(always)]
-    fn push(&mut self, _: usize, _: Step<A>) {}
-}
-
-impl<A: Arithmetic> Tape<A> for Vec<(usize, Step<A>)> {
+impl<A: Arithmetic> Tape<A> {
     #[inline(always)]
     fn push(&mut self, leg: usize, step: Step<A>) {
-        Vec::push(self, (leg, step));
+        if self.on {
+            self.steps.push((leg, step));
+        }
+    }
+}
+
+/// The chain on its way through the legs.
+struct Forward<'a, A: Arithmetic, L, G> {
+    ar: A,
+    legs: &'a L,
+    earth: &'a Earth<A::Number>,
+    gains: &'a mut G,
+    tape: &'a mut Tape<A>,
+    chain: Chain<A>,
+}
+
+/// Parts of a leg.
+const STRETCH: u8 = 0;
+const SETTLE: u8 = 1;
+const DWELL: u8 = 2;
+const REMAINDER: u8 = 3;
+
+/// One part of a leg, compiled apart in lanes.
+struct Part<'b, 'a, A: Arithmetic, L, G, const PART: u8> {
+    forward: &'b mut Forward<'a, A, L, G>,
+    at: &'b Place<A>,
+    leg: usize,
+    index: usize,
+}
+
+impl<A: Arithmetic, L: Legs<A>, G: Gains<A>, const PART: u8> Work for Part<'_, '_, A, L, G, PART> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        match PART {
+            STRETCH => self.forward.stretch(self.leg, self.index),
+            SETTLE => self.forward.settle(self.leg, self.at),
+            DWELL => self.forward.dwell(self.leg, self.at),
+            _ => self.forward.remainder(self.leg, self.at),
+        }
+    }
+}
+
+impl<A: Arithmetic, L: Legs<A>, G: Gains<A>> Forward<'_, A, L, G> {
+    #[inline(always)]
+    fn part<const PART: u8>(&mut self, leg: usize, index: usize, at: &Place<A>) {
+        self.ar.apart(Part::<A, L, G, PART> {
+            at,
+            leg,
+            index,
+            forward: self,
+        });
+    }
+
+    #[inline(always)]
+    fn rotate(&mut self, leg: usize, from: &Place<A>, at: &Place<A>) {
+        let q = entries(&product(&at.c, &rows(self.ar, &transpose(&from.c))));
+        self.tape
+            .push(leg, Step::Rotate(q, self.chain.v, self.gains.p()));
+        self.chain.rotate(&q);
+        self.gains.rotate(&q);
+    }
+
+    #[inline(always)]
+    fn stretch(&mut self, leg: usize, index: usize) {
+        let s = self.legs.stretch(leg, index);
+        let (passed, p, seen) = self.gains.stretch(leg, index);
+        let b = drift_integral(self.ar, self.earth, &s.turn, &s.interval, s.panels);
+        self.chain.pass(&passed, &b);
+        self.tape
+            .push(leg, Step::Stretch(index, passed, self.chain.v, p));
+        if let Some((_, grows)) = s.measured
+            && let Some(seen) = seen
+        {
+            self.measure(leg, &seen, Grows::WithMove(grows));
+        }
+    }
+
+    #[inline(always)]
+    fn measure(&mut self, leg: usize, seen: &Seen<A>, grows: Grows<A::Number>) {
+        let step = self.chain.measure(seen);
+        self.tape
+            .push(leg, Step::Measure(step, self.chain.v, grows));
+    }
+
+    #[inline(always)]
+    fn settle(&mut self, leg: usize, at: &Place<A>) {
+        let passed = self.gains.settle(leg);
+        let gamma_c = self.chain.pass_at(&passed, at);
+        self.tape.push(leg, Step::Settle(passed, gamma_c));
+    }
+
+    #[inline(always)]
+    fn dwell(&mut self, leg: usize, at: &Place<A>) {
+        if let Some(gain) = self.gains.dwell(leg) {
+            let step = self.chain.dwell(&gain, at);
+            self.tape.push(leg, Step::Dwell(step));
+        }
+    }
+
+    #[inline(always)]
+    fn remainder(&mut self, leg: usize, at: &Place<A>) {
+        let (passed, p, seen) = self.gains.remainder(leg);
+        let gamma_c = self.chain.pass_at(&passed, at);
+        self.tape
+            .push(leg, Step::Remainder(passed, gamma_c, self.chain.v, p));
+        if let Some(seen) = seen {
+            self.measure(leg, &seen, Grows::WithDwell);
+        }
     }
 }
 
 /// Runs the chain over the legs.
 #[inline(always)]
 pub(crate) fn forward<A: Arithmetic>(
-    chain: &mut Chain<A>,
+    ar: A,
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,
-    tape: &mut impl Tape<A>,
-) {
-    let ar = chain.ar;
+    gains: &mut impl Gains<A>,
+    tape: &mut Tape<A>,
+) -> Chain<A> {
+    let mut forward = Forward {
+        ar,
+        legs,
+        earth,
+        gains,
+        tape,
+        chain: Chain::new(ar),
+    };
     let mut previous: Option<Place<A>> = None;
     for leg in 0..legs.count() {
         let at = legs.place(leg);
         if let Some(from) = previous
             && legs.rotates(leg)
         {
-            let q = entries(&product(&at.c, &rows(ar, &transpose(&from.c))));
-            tape.push(leg, Step::Rotate(q, chain.v, chain.p));
-            chain.rotate(&q);
+            forward.rotate(leg, &from, &at);
         }
         for index in 0..legs.stretches(leg) {
-            let s = legs.stretch(leg, index);
-            let passed = earth.pass(s.interval.length_s);
-            let b = drift_integral(ar, earth, &s.turn, &s.interval, s.panels);
-            chain.pass(&passed, &b);
-            tape.push(leg, Step::Stretch(index, passed, chain.v, chain.p));
-            if let Some((weight, grows)) = s.measured {
-                let step = chain.measure(weight);
-                let grows = if grows { Grows::WithMove } else { Grows::Not };
-                tape.push(leg, Step::Measure(step, chain.v, chain.p, grows));
-            }
+            forward.part::<STRETCH>(leg, index, &at);
         }
-        if let Some(settle_s) = legs.settle_s(leg) {
-            let passed = earth.pass(settle_s);
-            let gamma_c = chain.pass_at(&passed, &at);
-            tape.push(leg, Step::Settle(passed, gamma_c));
+        if legs.settles(leg) {
+            forward.part::<SETTLE>(leg, 0, &at);
         }
-        if let Some(kernel) = legs.dwell(leg) {
-            let gain = Gain::new(ar, &kernel, &chain.p);
-            let step = chain.dwell(&kernel, &gain, &at);
-            tape.push(leg, Step::Dwell(step));
-        }
-        if let Some((length_s, weight)) = legs.remainder(leg) {
-            let passed = earth.pass(length_s);
-            let gamma_c = chain.pass_at(&passed, &at);
-            tape.push(leg, Step::Remainder(passed, gamma_c, chain.v, chain.p));
-            if let Some(weight) = weight {
-                let step = chain.measure(weight);
-                tape.push(leg, Step::Measure(step, chain.v, chain.p, Grows::WithDwell));
-            }
+        forward.part::<DWELL>(leg, 0, &at);
+        if legs.remains(leg) {
+            forward.part::<REMAINDER>(leg, 0, &at);
         }
         previous = Some(at);
     }
+    forward.chain
 }
 
 /// Where the derivatives with respect to a leg are summed up.
@@ -181,6 +278,105 @@ impl LegAdjoint<f64> for LegGradient {
     }
 }
 
+/// The sweep on its way back through the legs.
+struct Backward<'a, A: Arithmetic, L, O> {
+    ar: A,
+    legs: &'a L,
+    earth: &'a Earth<A::Number>,
+    information: &'a Rows<A::Quad>,
+    per_weight: A::Number,
+    out: &'a mut [O],
+    sweep: Sweep<A>,
+    /// C̄ of the place before, from a change of position in frame-hold repositioning.
+    before: Option<Square<A::Triple>>,
+}
+
+const ROTATE: u8 = 4;
+const MEASURE: u8 = 5;
+
+/// One step back, compiled apart in lanes.
+struct Back<'b, 'a, A: Arithmetic, L, O, const PART: u8> {
+    backward: &'b mut Backward<'a, A, L, O>,
+    at: &'b Place<A>,
+    leg: usize,
+    step: &'b Step<A>,
+}
+
+impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>, const PART: u8> Work
+    for Back<'_, '_, A, L, O, PART>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (backward, leg, at) = (self.backward, self.leg, self.at);
+        let sweep = &mut backward.sweep;
+        match (PART, self.step) {
+            (DWELL, Step::Dwell(dwell)) => sweep.dwell(dwell, at, backward.information),
+            (SETTLE, Step::Settle(passed, gamma_c)) => sweep.pass_at(passed, gamma_c, at),
+            (REMAINDER, Step::Remainder(passed, gamma_c, v, p)) => {
+                let adjoint = sweep.length_adjoint(backward.earth, v, p, at);
+                backward.out[leg].add_dwell(adjoint);
+                sweep.pass_at(passed, gamma_c, at);
+            }
+            (MEASURE, Step::Measure(measure, v, grows)) => {
+                let adjoint = sweep.measure(measure, v, backward.information);
+                let slope = adjoint * backward.per_weight;
+                match grows {
+                    Grows::WithMove(one) => backward.out[leg].add_move(slope * *one),
+                    Grows::WithDwell => backward.out[leg].add_dwell(slope),
+                }
+            }
+            (STRETCH, Step::Stretch(index, passed, v, p)) => {
+                backward.stretch(leg, *index, passed, (v, p), at);
+            }
+            (ROTATE, Step::Rotate(q, v, p)) => {
+                let from = backward.legs.place(leg - 1);
+                let q_bar = sweep.rotate(q, v, p);
+                sweep.add_to_place(&product(&q_bar, &from.rows));
+                backward.before = Some(product(&transpose(&q_bar), &at.rows));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>> Backward<'_, A, L, O> {
+    #[inline(always)]
+    fn part<const PART: u8>(&mut self, leg: usize, step: &Step<A>, at: &Place<A>) {
+        self.ar.apart(Back::<A, L, O, PART> {
+            at,
+            leg,
+            step,
+            backward: self,
+        });
+    }
+
+    #[inline(always)]
+    fn stretch(
+        &mut self,
+        leg: usize,
+        index: usize,
+        passed: &Passed<A>,
+        (v, p): (&Wide<A::Quad>, &Entries<A::Number>),
+        at: &Place<A>,
+    ) {
+        let s = self.legs.stretch(leg, index);
+        let length = self.sweep.length_adjoint(self.earth, v, p, at) * s.last;
+        let b = drift_integral_adjoint(
+            self.ar,
+            self.earth,
+            &s.turn,
+            &s.interval,
+            s.panels,
+            &self.sweep.v,
+        );
+        self.out[leg].add_move(b.duration + length);
+        self.out[leg].add_angles(&b.change);
+        self.out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
+        self.sweep.pass(passed);
+    }
+}
+
 /// The way back: adds the derivatives of every leg to `out`, one entry per leg, zero at first.
 /// `per_weight` is the derivative of a relaxed measurement's weight with respect to its length.
 #[inline(always)]
@@ -193,56 +389,37 @@ pub(crate) fn backward<A: Arithmetic>(
     per_weight: f64,
     out: &mut [impl LegAdjoint<A::Number>],
 ) {
-    let per_weight = ar.number(per_weight);
-    let mut sweep = Sweep::new(ar);
+    let mut backward = Backward {
+        ar,
+        legs,
+        earth,
+        information,
+        per_weight: ar.number(per_weight),
+        out,
+        sweep: Sweep::new(ar),
+        before: None,
+    };
     let mut rest = tape;
     for leg in (0..legs.count()).rev() {
         let at = legs.place(leg);
-        let mut before = None;
         while let Some(((of, step), earlier)) = rest.split_last() {
             if *of != leg {
                 break;
             }
             rest = earlier;
             match step {
-                Step::Dwell(dwell) => sweep.dwell(dwell, &at, information),
-                Step::Settle(passed, gamma_c) => sweep.pass_at(passed, gamma_c, &at),
-                Step::Remainder(passed, gamma_c, v, p) => {
-                    let adjoint = sweep.length_adjoint(earth, v, p, &at);
-                    out[leg].add_dwell(adjoint);
-                    sweep.pass_at(passed, gamma_c, &at);
-                }
-                Step::Measure(measure, v, p, grows) => {
-                    let adjoint = sweep.measure(measure, v, p, information);
-                    let slope = adjoint * per_weight;
-                    match grows {
-                        Grows::Not => {}
-                        Grows::WithMove => out[leg].add_move(slope),
-                        Grows::WithDwell => out[leg].add_dwell(slope),
-                    }
-                }
-                Step::Stretch(index, passed, v, p) => {
-                    let s = legs.stretch(leg, *index);
-                    let length = sweep.length_adjoint(earth, v, p, &at) * s.last;
-                    let b =
-                        drift_integral_adjoint(ar, earth, &s.turn, &s.interval, s.panels, &sweep.v);
-                    out[leg].add_move(b.duration + length);
-                    out[leg].add_angles(&b.change);
-                    out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
-                    sweep.pass(passed);
-                }
-                Step::Rotate(q, v, p) => {
-                    let from = legs.place(leg - 1);
-                    let q_bar = sweep.rotate(q, v, p);
-                    sweep.add_to_place(&product(&q_bar, &from.rows));
-                    before = Some(product(&transpose(&q_bar), &at.rows));
-                }
+                Step::Dwell(..) => backward.part::<DWELL>(leg, step, &at),
+                Step::Settle(..) => backward.part::<SETTLE>(leg, step, &at),
+                Step::Remainder(..) => backward.part::<REMAINDER>(leg, step, &at),
+                Step::Measure(..) => backward.part::<MEASURE>(leg, step, &at),
+                Step::Stretch(..) => backward.part::<STRETCH>(leg, step, &at),
+                Step::Rotate(..) => backward.part::<ROTATE>(leg, step, &at),
             }
         }
-        let angles = sweep.leave_place(&at, legs.alpha(leg));
-        out[leg].add_angles(&angles);
-        if let Some(c) = before {
-            sweep.add_to_place(&c);
+        let angles = backward.sweep.leave_place(&at, legs.alpha(leg));
+        backward.out[leg].add_angles(&angles);
+        if let Some(c) = backward.before.take() {
+            backward.sweep.add_to_place(&c);
         }
     }
 }

@@ -45,41 +45,32 @@ impl<A: Arithmetic> Information<A> {
     /// E += XᵀX + n ⊗ hᵀh, n symmetric.
     #[inline(always)]
     pub fn add_dwell(&mut self, x: &Wide<A::Quad>, n: &Entries<A::Number>, h: A::Quad) {
-        for j in 0..3 {
-            for e in 0..4 {
-                let hh = h.times(h.get(e));
-                for k in j..3 {
-                    let first = if k == j { e } else { 0 };
-                    let mut sum = self.0[4 * j + e][k];
-                    sum = hh.times_add_from(n[j][k], sum, first);
-                    for row in x {
-                        sum = row[k].times_add_from(row[j].get(e), sum, first);
-                    }
-                    self.0[4 * j + e][k] = sum;
-                }
-            }
-        }
+        // Indices written out: as loops over memory this would cost several times the arithmetic.
+        three!(|j| four!(|e| {
+            let hh = h.times(h.get(e));
+            three!(|k| if k >= j {
+                let first = if k == j { e } else { 0 };
+                let sum = self.0[4 * j + e][k];
+                let sum = hh.times_add_from(n[j][k], sum, first);
+                let sum = x[0][k].times_add_from(x[0][j].get(e), sum, first);
+                let sum = x[1][k].times_add_from(x[1][j].get(e), sum, first);
+                self.0[4 * j + e][k] = x[2][k].times_add_from(x[2][j].get(e), sum, first);
+            })
+        }));
     }
 
     /// E += Σ_r w_r x_rᵀ x_r.
     #[inline(always)]
-    pub fn add_rows<const R: usize>(&mut self, x: &[[A::Quad; 3]; R], w: [A::Number; R]) {
-        for j in 0..3 {
-            let mut weighted = [x[0][j]; R];
-            for r in 0..R {
-                weighted[r] = x[r][j].times(w[r]);
-            }
-            for e in 0..4 {
-                for k in j..3 {
-                    let first = if k == j { e } else { 0 };
-                    let mut sum = self.0[4 * j + e][k];
-                    for r in 0..R {
-                        sum = x[r][k].times_add_from(weighted[r].get(e), sum, first);
-                    }
-                    self.0[4 * j + e][k] = sum;
-                }
-            }
-        }
+    pub fn add_rows(&mut self, x: &[[A::Quad; 3]; 2], w: [A::Number; 2]) {
+        three!(|j| {
+            let weighted = [x[0][j].times(w[0]), x[1][j].times(w[1])];
+            four!(|e| three!(|k| if k >= j {
+                let first = if k == j { e } else { 0 };
+                let sum = self.0[4 * j + e][k];
+                let sum = x[0][k].times_add_from(weighted[0].get(e), sum, first);
+                self.0[4 * j + e][k] = x[1][k].times_add_from(weighted[1].get(e), sum, first);
+            }))
+        });
     }
 
     /// S⁻¹ with S = I + s E s, as the rows of L⁻¹ scaled by s and the pivots' inverses D⁻¹ (S =
@@ -138,6 +129,19 @@ pub(crate) struct Factor<A: Arithmetic> {
 }
 
 impl<A: Arithmetic> Factor<A> {
+    /// Σ_i weights_i P_ii, without P.
+    #[inline(always)]
+    pub fn weighted_trace(&self, ar: A, weights: &PriorScale) -> A::Number {
+        let weights = three!(|k| ar.quad(four!(|e| ar.number(weights.0[4 * k + e]))));
+        let mut sum = ar.quad([ar.number(0.0); 4]);
+        for (k, (row, d)) in self.w.iter().zip(&self.d).enumerate() {
+            for q in 0..=k / 4 {
+                sum = row[q].by(row[q]).by(weights[q]).times_add(*d, sum);
+            }
+        }
+        sum.total()
+    }
+
     /// P_D, (°/h)², one triangle as in [`Information`].
     #[inline(always)]
     pub fn covariance(&self, ar: A) -> Rows<A::Quad> {
@@ -162,7 +166,7 @@ impl<A: Arithmetic> Factor<A> {
     }
 }
 
-/// Prior σ of the coefficients, °/h, gyro by gyro.
+/// One number per coefficient, gyro by gyro: prior σ, °/h, or weights.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PriorScale(pub [f64; COEFFICIENTS]);
 
@@ -196,7 +200,7 @@ pub(crate) fn to_coefficients<Q: Row<Number = f64>>(rows: &Rows<Q>) -> Coefficie
 
 /// The lower blocks from the upper ones.
 #[inline(always)]
-pub(crate) fn mirror<A: Arithmetic>(ar: A, rows: &mut Rows<A::Quad>) {
+fn mirror<A: Arithmetic>(ar: A, rows: &mut Rows<A::Quad>) {
     for j in 1..3 {
         for k in 0..j {
             for e in 0..4 {
@@ -206,36 +210,62 @@ pub(crate) fn mirror<A: Arithmetic>(ar: A, rows: &mut Rows<A::Quad>) {
     }
 }
 
-/// −P G P for the derivative G of a figure of merit with respect to P, in the order of the
-/// coefficients: its adjoint of E. `p` with both triangles in its blocks.
+/// −G P for the derivative G of a figure of merit with respect to P, in the order of the
+/// coefficients. `p` with both triangles.
 #[inline(always)]
-pub(crate) fn information_adjoint<A: Arithmetic<Number = f64>>(
+pub(crate) fn pulled_slope<A: Arithmetic<Number = f64>>(
     ar: A,
     p: &Rows<A::Quad>,
     slope: &CoefficientMatrix,
 ) -> Rows<A::Quad> {
-    let nothing = [ar.quad([0.0; 4]); 3];
-    let mut out = [nothing; COEFFICIENTS];
+    let mut out = [[ar.quad([0.0; 4]); 3]; COEFFICIENTS];
     for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
-        // Row a of −G P; most criteria have a diagonal G.
-        let mut row = nothing;
         for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
+            // Most criteria have a diagonal G.
             let g = slope[(b, a)];
             if g != 0.0 {
                 for q in 0..3 {
-                    row[q] = p[k][q].times_add(-(sign_a * sign_b * g), row[q]);
+                    out[i][q] = p[k][q].times_add(-(sign_a * sign_b * g), out[i][q]);
                 }
             }
         }
+    }
+    out
+}
+
+/// P X for a symmetric result: with X = −G P the adjoint of E. Both triangles in and out.
+#[inline(always)]
+pub(crate) fn symmetric_product<A: Arithmetic>(
+    ar: A,
+    p: &Rows<A::Quad>,
+    x: &Rows<A::Quad>,
+) -> Rows<A::Quad> {
+    let mut out = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
+    for i in 0..COEFFICIENTS {
         for j in 0..3 {
             for e in 0..4 {
                 let factor = p[i][j].get(e);
                 for q in j..3 {
-                    out[4 * j + e][q] = row[q].times_add(factor, out[4 * j + e][q]);
+                    out[4 * j + e][q] = x[i][q].times_add(factor, out[4 * j + e][q]);
                 }
             }
         }
     }
     mirror(ar, &mut out);
     out
+}
+
+/// Both triangles of a matrix from the upper one.
+#[inline(always)]
+pub(crate) fn complete<A: Arithmetic>(ar: A, p: &mut Rows<A::Quad>) {
+    mirror(ar, p);
+    for j in 0..3 {
+        let block = four!(|e| four!(|f| match e <= f {
+            true => p[4 * j + e][j].get(f),
+            false => p[4 * j + f][j].get(e),
+        }));
+        for e in 0..4 {
+            p[4 * j + e][j] = ar.quad(block[e]);
+        }
+    }
 }

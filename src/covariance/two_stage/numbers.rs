@@ -64,8 +64,8 @@ pub(crate) use {four, three};
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use pulp::Simd;
-use pulp::bytemuck::cast;
+use pulp::bytemuck::{cast, cast_slice};
+use pulp::{NullaryFnOnce, Simd};
 
 /// A real number, or one per lane.
 pub(crate) trait Number:
@@ -115,6 +115,31 @@ pub(crate) trait Row: Copy + Debug {
     }
 }
 
+/// A piece of the chain's work.
+pub(crate) trait Work {
+    /// What comes of it.
+    type Output;
+    /// Does it; always inlined.
+    fn run(self) -> Self::Output;
+}
+
+/// Work that is compiled for an instruction set of its own.
+struct Apart<W>(W);
+
+impl<W: Work> NullaryFnOnce for Apart<W> {
+    type Output = W::Output;
+    #[inline(always)]
+    fn call(self) -> W::Output {
+        self.0.run()
+    }
+}
+
+/// Never inlined: the whole chain in one function takes the compiler minutes.
+#[inline(never)]
+fn call_apart<S: Simd, W: Work>(simd: S, work: W) -> W::Output {
+    simd.vectorize(Apart(work))
+}
+
 /// A choice of numbers and rows.
 pub(crate) trait Arithmetic: Copy + Debug {
     /// Real numbers.
@@ -130,6 +155,11 @@ pub(crate) trait Arithmetic: Copy + Debug {
 
     /// A constant.
     fn number(self, value: f64) -> Self::Number;
+    /// Does `work`; in lanes, where it is bulky, as a function of its own.
+    #[inline(always)]
+    fn apart<W: Work>(self, work: W) -> W::Output {
+        work.run()
+    }
     /// A row of three.
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple;
     /// A row of three constants; the fourth is padding, zero.
@@ -187,8 +217,11 @@ impl<L: Number, const N: usize> Row for Array<L, N> {
     }
     #[inline(always)]
     fn times_add_from(self, factor: L, mut term: Self, first: usize) -> Self {
-        for i in first..N {
-            term.0[i] = self.0[i].mul_add(factor, term.0[i]);
+        // All indices constant, so that rows stay in registers.
+        for i in 0..N {
+            if i >= first {
+                term.0[i] = self.0[i].mul_add(factor, term.0[i]);
+            }
         }
         term
     }
@@ -328,6 +361,9 @@ impl Number for Four {
     }
 }
 
+/// No register has more lanes.
+pub(crate) const MOST_LANES: usize = 8;
+
 /// A register of `S`, one number per lane. With `FUSED`, products and sums round once.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Register<S: Simd, const FUSED: bool> {
@@ -342,11 +378,16 @@ impl<S: Simd, const FUSED: bool> Register<S, FUSED> {
         Self { simd, lanes }
     }
 
-    /// The register.
-    #[allow(dead_code, reason = "for several schedules at once")]
+    /// With `values` in its lanes.
     #[inline(always)]
-    pub fn lanes(self) -> S::f64s {
-        self.lanes
+    pub fn gather(simd: S, values: &[f64; MOST_LANES]) -> Self {
+        Self::new(simd, cast_slice(&values[..S::F64_LANES])[0])
+    }
+
+    /// Lane `i`.
+    #[inline(always)]
+    pub fn lane(&self, i: usize) -> f64 {
+        cast_slice::<S::f64s, f64>(std::slice::from_ref(&self.lanes))[i]
     }
 
     #[inline(always)]
@@ -498,7 +539,6 @@ impl<S: Simd> Arithmetic for Packed<S> {
 }
 
 /// Several schedules, one per lane of the registers of `S`.
-#[allow(dead_code, reason = "for several schedules at once")]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lanes<S>(pub S);
 
@@ -509,6 +549,10 @@ impl<S: Simd> Arithmetic for Lanes<S> {
     type Node = Register<S, true>;
     const NODES: usize = 1;
 
+    #[inline(always)]
+    fn apart<W: Work>(self, work: W) -> W::Output {
+        call_apart(self.0, work)
+    }
     #[inline(always)]
     fn number(self, value: f64) -> Self::Number {
         Register::new(self.0, self.0.splat_f64s(value))

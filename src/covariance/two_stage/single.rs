@@ -6,12 +6,14 @@ use std::cell::RefCell;
 use nalgebra::Matrix3;
 use pulp::{NullaryFnOnce, Simd};
 
-use super::course::{self, Legs, NoTape, Step, Stretch};
+use super::course::{self, Legs, Stretch, Tape};
 use super::earth::Earth;
-use super::information::{Factor, PLACES, Rows, information_adjoint, mirror, to_coefficients};
+use super::gains::{DwellKernel, Gains, Own};
+use super::information::{PLACES, complete, pulled_slope, symmetric_product, to_coefficients};
 use super::moves::{Interval, Turn};
-use super::numbers::{Arithmetic, Packed, Plain, Row, four};
-use super::{Chain, DwellKernel, Place, Wide, attitude_entries};
+use super::numbers::{Arithmetic, Packed, Plain, Row};
+use super::square::mirrored;
+use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CovarianceModel, EndCovariance, TickRule, not_finite, split_periods};
 use crate::drift::{CoefficientMatrix, DriftMatrix};
@@ -48,17 +50,19 @@ fn dispatch<T: Task>(task: T) -> T::Output {
 }
 
 /// The legs of one timeline.
-struct OneTimeline<'a, A> {
-    ar: A,
-    model: &'a CovarianceModel,
-    timeline: &'a Timeline,
-    rule: TickRule,
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OneTimeline<'a, A> {
+    pub ar: A,
+    pub model: &'a CovarianceModel,
+    pub timeline: &'a Timeline,
+    pub rule: TickRule,
     /// Whether steps of no length are wanted too (their derivative is not zero).
-    keep_empty: bool,
+    pub keep_empty: bool,
 }
 
 impl<A: Arithmetic<Number = f64>> OneTimeline<'_, A> {
-    fn slew(&self, leg: usize) -> Option<&Move> {
+    /// The move to a leg, where it takes time.
+    pub fn slew(&self, leg: usize) -> Option<&Move> {
         let arrival = self.timeline.legs()[leg].arrival.as_ref()?;
         (!self.model.frame_hold && arrival.duration_s > 0.0).then_some(arrival)
     }
@@ -66,6 +70,16 @@ impl<A: Arithmetic<Number = f64>> OneTimeline<'_, A> {
     /// Ticks of a measured move and what is left.
     fn ticks(&self, m: &Move) -> (usize, f64) {
         split_periods(m.duration_s, self.model.period_s)
+    }
+
+    /// The whole periods of a dwell.
+    pub fn periods(&self, leg: usize) -> usize {
+        split_periods(self.timeline.legs()[leg].dwell_s, self.model.period_s).0
+    }
+
+    /// The rest of a dwell, s.
+    fn rest_s(&self, leg: usize) -> f64 {
+        split_periods(self.timeline.legs()[leg].dwell_s, self.model.period_s).1
     }
 
     fn relaxed_weight(&self, length_s: f64) -> Option<f64> {
@@ -122,9 +136,9 @@ impl<A: Arithmetic<Number = f64>> Legs<A> for OneTimeline<'_, A> {
             if index < ticks {
                 let weight = self.model.noise_variance.recip();
                 let last = remainder == 0.0 && index + 1 == ticks && !self.keep_empty;
-                (start_s, period_s, last, Some((weight, false)))
+                (start_s, period_s, last, Some((weight, 0.0)))
             } else {
-                let weight = self.relaxed_weight(remainder).map(|w| (w, true));
+                let weight = self.relaxed_weight(remainder).map(|w| (w, 1.0));
                 (start_s, remainder, true, weight)
             }
         } else {
@@ -143,14 +157,17 @@ impl<A: Arithmetic<Number = f64>> Legs<A> for OneTimeline<'_, A> {
         }
     }
     #[inline(always)]
-    fn settle_s(&self, leg: usize) -> Option<f64> {
+    fn settles(&self, leg: usize) -> bool {
         let l = &self.timeline.legs()[leg];
-        (l.arrival.is_some() && l.settle_s > 0.0).then_some(l.settle_s)
+        l.arrival.is_some() && l.settle_s > 0.0
+    }
+    #[inline(always)]
+    fn settle_s(&self, leg: usize) -> f64 {
+        self.timeline.legs()[leg].settle_s
     }
     #[inline(always)]
     fn dwell(&self, leg: usize) -> Option<DwellKernel<A>> {
-        let dwell_s = self.timeline.legs()[leg].dwell_s;
-        let (periods, _) = split_periods(dwell_s, self.model.period_s);
+        let periods = self.periods(leg);
         if periods == 0 {
             return None;
         }
@@ -158,71 +175,81 @@ impl<A: Arithmetic<Number = f64>> Legs<A> for OneTimeline<'_, A> {
         Some(DwellKernel::new(self.ar, numbers.get()))
     }
     #[inline(always)]
-    fn remainder(&self, leg: usize) -> Option<(f64, Option<f64>)> {
-        let dwell_s = self.timeline.legs()[leg].dwell_s;
-        let (_, remainder) = split_periods(dwell_s, self.model.period_s);
-        (remainder > 0.0 || self.keep_empty).then(|| (remainder, self.relaxed_weight(remainder)))
+    fn remains(&self, leg: usize) -> bool {
+        self.keep_empty || self.rest_s(leg) > 0.0
+    }
+    #[inline(always)]
+    fn remainder(&self, leg: usize) -> (f64, Option<f64>) {
+        let rest_s = self.rest_s(leg);
+        (rest_s, self.relaxed_weight(rest_s))
     }
 }
 
 impl CovarianceModel {
-    fn earth(&self) -> Earth<f64> {
+    /// The Earth's rotation and the random drift, in plain numbers.
+    pub(crate) fn earth(&self) -> Earth<f64> {
         Earth::new(0.0, &self.dynamics, self.drift_psd)
     }
 }
 
-/// P_D of a timeline.
-struct Coefficients<'a> {
+/// A figure of merit of P_D, (°/h)², with its derivative.
+type Merit<'a> = &'a mut dyn FnMut(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>;
+
+/// The end of a timeline, and the gradient of a figure of merit where one is given.
+struct ToEnd<'a> {
     model: &'a CovarianceModel,
     timeline: &'a Timeline,
     rule: TickRule,
+    merit: Option<(Merit<'a>, &'a mut [LegGradient])>,
 }
 
-impl Coefficients<'_> {
+/// What a timeline leads to: P_D, V, P, and the figure of merit if any.
+struct AtEnd {
+    coefficients: CoefficientMatrix,
+    v: DriftMatrix,
+    p: Matrix3<f64>,
+    value: f64,
+}
+
+impl Task for ToEnd<'_> {
+    type Output = Result<AtEnd>;
     #[inline(always)]
-    fn chain<A: Arithmetic<Number = f64>>(&self, ar: A) -> (Chain<A>, Factor<A>) {
+    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> Result<AtEnd> {
+        let model = self.model;
+        let earth = model.earth();
         let legs = OneTimeline {
             ar,
-            model: self.model,
+            model,
             timeline: self.timeline,
             rule: self.rule,
-            keep_empty: false,
+            keep_empty: self.merit.is_some(),
         };
-        let mut chain = Chain::new(ar, &self.model.prior_psi);
-        course::forward(&mut chain, &legs, &self.model.earth(), &mut NoTape);
-        let factor = chain.e.factor(ar, &self.model.prior_scale);
-        (chain, factor)
-    }
-}
-
-impl Task for Coefficients<'_> {
-    type Output = Option<CoefficientMatrix>;
-    #[inline(always)]
-    fn run<A: Arithmetic<Number = f64>>(self, ar: A) -> Self::Output {
-        let (_, factor) = self.chain(ar);
-        if factor.least > 0.0 {
-            Some(to_coefficients(&factor.covariance(ar)))
-        } else {
-            None
-        }
-    }
-}
-
-/// P_D and the covariance of ψ^n.
-struct End<'a>(Coefficients<'a>);
-
-impl Task for End<'_> {
-    type Output = Option<(CoefficientMatrix, DriftMatrix, Matrix3<f64>)>;
-    #[inline(always)]
-    fn run<A: Arithmetic<Number = f64>>(self, ar: A) -> Self::Output {
-        let (chain, factor) = self.0.chain(ar);
+        let mut tape = take_tape(self.merit.is_some());
+        let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
+        let chain = course::forward(ar, &legs, &earth, &mut gains, &mut tape);
+        let factor = chain.e.factor(ar, &model.prior_scale);
         if factor.least.is_nan() || factor.least <= 0.0 {
-            return None;
+            keep_tape(tape);
+            return Err(not_finite());
         }
-        let p = super::square::mirrored(&chain.p);
-        let coefficients = to_coefficients(&factor.covariance(ar));
-        let p = Matrix3::from_fn(|i, j| p[i][j]);
-        Some((coefficients, drift_matrix_of(&chain.v), p))
+        let mut p = factor.covariance(ar);
+        let p_psi = mirrored(&gains.p());
+        let mut end = AtEnd {
+            coefficients: to_coefficients(&p),
+            v: drift_matrix_of(&chain.v),
+            p: Matrix3::from_fn(|i, j| p_psi[i][j]),
+            value: 0.0,
+        };
+        if let Some((merit, out)) = self.merit {
+            let (value, slope) = merit(&end.coefficients)?;
+            end.value = value;
+            complete(ar, &mut p);
+            let information = symmetric_product(ar, &p, &pulled_slope(ar, &p, &slope));
+            let per_s = 1.0 / (model.period_s * model.noise_variance);
+            course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+        }
+        keep_tape(tape);
+        Ok(end)
     }
 }
 
@@ -238,106 +265,42 @@ fn drift_matrix_of<Q: Row<Number = f64>>(v: &Wide<Q>) -> DriftMatrix {
     out
 }
 
-/// Value and gradient of a figure of merit.
-struct Gradient<'a, F> {
-    model: &'a CovarianceModel,
-    timeline: &'a Timeline,
-    rule: TickRule,
-    merit: F,
-}
-
-impl<F> Task for Gradient<'_, F>
-where
-    F: FnOnce(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
-{
-    type Output = Result<(f64, Vec<LegGradient>)>;
-    #[inline(always)]
-    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> Self::Output {
-        let model = self.model;
-        let legs = OneTimeline {
-            ar,
-            model,
-            timeline: self.timeline,
-            rule: self.rule,
-            keep_empty: true,
-        };
-        let mut tape = take_tape();
-        let mut out = vec![LegGradient::default(); legs.count()];
-        let value = value_and_gradient(ar, &legs, self.merit, &mut tape, &mut out);
-        keep_tape(tape);
-        Ok((value?, out))
-    }
-}
-
-#[inline(always)]
-fn value_and_gradient<A, F>(
-    ar: A,
-    legs: &OneTimeline<'_, A>,
-    merit: F,
-    tape: &mut Vec<(usize, Step<A>)>,
-    out: &mut [LegGradient],
-) -> Result<f64>
-where
-    A: Arithmetic<Number = f64>,
-    F: FnOnce(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
-{
-    let model = legs.model;
-    let earth = model.earth();
-    let mut chain = Chain::new(ar, &model.prior_psi);
-    course::forward(&mut chain, legs, &earth, tape);
-    let factor = chain.e.factor(ar, &model.prior_scale);
-    if factor.least.is_nan() || factor.least <= 0.0 {
-        return Err(not_finite());
-    }
-    let mut p: Rows<A::Quad> = factor.covariance(ar);
-    let (value, slope) = merit(&to_coefficients(&p))?;
-    complete(ar, &mut p);
-    let information = information_adjoint(ar, &p, &slope);
-    let per_s = 1.0 / (model.period_s * model.noise_variance);
-    course::backward(ar, legs, &earth, tape, &information, per_s, out);
-    Ok(value)
-}
-
-/// Both triangles of a matrix from the upper one.
-#[inline(always)]
-fn complete<A: Arithmetic<Number = f64>>(ar: A, p: &mut Rows<A::Quad>) {
-    mirror(ar, p);
-    for j in 0..3 {
-        let block = four!(|e| four!(|f| match e <= f {
-            true => p[4 * j + e][j].get(f),
-            false => p[4 * j + f][j].get(e),
-        }));
-        for e in 0..4 {
-            p[4 * j + e][j] = ar.quad(block[e]);
-        }
-    }
-}
-
 thread_local! {
-    /// The tape of the last gradient of this thread: its memory is used again.
+    /// The tape of the last schedule of this thread: its memory is used again.
     static TAPE: RefCell<Option<Box<dyn Any>>> = const { RefCell::new(None) };
 }
 
 /// This thread's tape, empty. Taken out, not borrowed: a figure of merit may itself ask for a
 /// gradient.
-#[expect(
-    clippy::box_collection,
-    reason = "kept as any type, without allocating again"
-)]
-fn take_tape<T: 'static>() -> Box<Vec<T>> {
+fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
     let kept = TAPE.with(RefCell::take);
-    let mut tape: Box<Vec<T>> = kept.and_then(|t| t.downcast().ok()).unwrap_or_default();
-    tape.clear();
+    let kept: Option<Box<Tape<A>>> = kept.and_then(|t| t.downcast().ok());
+    let mut tape = kept.unwrap_or_else(|| {
+        Box::new(Tape {
+            on,
+            steps: Vec::new(),
+        })
+    });
+    tape.on = on;
+    tape.steps.clear();
     tape
 }
 
 /// Puts the tape back.
-#[expect(clippy::box_collection, reason = "as `take_tape` gives it")]
-fn keep_tape<T: 'static>(tape: Box<Vec<T>>) {
+fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
     TAPE.with(|slot| slot.replace(Some(tape)));
 }
 
 impl CovarianceModel {
+    fn to_end(&self, timeline: &Timeline, rule: TickRule) -> Result<AtEnd> {
+        dispatch(ToEnd {
+            model: self,
+            timeline,
+            rule,
+            merit: None,
+        })
+    }
+
     /// P_D at the end of `timeline` by the Gram form of the information, (°/h)².
     ///
     /// # Errors
@@ -348,12 +311,7 @@ impl CovarianceModel {
         timeline: &Timeline,
         rule: TickRule,
     ) -> Result<CoefficientMatrix> {
-        dispatch(Coefficients {
-            model: self,
-            timeline,
-            rule,
-        })
-        .ok_or_else(not_finite)
+        Ok(self.to_end(timeline, rule)?.coefficients)
     }
 
     /// The covariance at the end of `timeline` by the Gram form of the information: much faster
@@ -368,15 +326,10 @@ impl CovarianceModel {
         timeline: &Timeline,
         rule: TickRule,
     ) -> Result<EndCovariance> {
-        let (coefficients, v, p) = dispatch(End(Coefficients {
-            model: self,
-            timeline,
-            rule,
-        }))
-        .ok_or_else(not_finite)?;
+        let end = self.to_end(timeline, rule)?;
         Ok(EndCovariance {
-            coefficients,
-            misalignment: p + v * coefficients * v.transpose(),
+            coefficients: end.coefficients,
+            misalignment: end.p + end.v * end.coefficients * end.v.transpose(),
         })
     }
 
@@ -395,11 +348,18 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl FnOnce(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        dispatch(Gradient {
+        let mut merit = Some(merit);
+        let mut once = |p: &CoefficientMatrix| match merit.take() {
+            Some(merit) => merit(p),
+            None => Err(not_finite()),
+        };
+        let mut out = vec![LegGradient::default(); timeline.legs().len()];
+        let end = dispatch(ToEnd {
             model: self,
             timeline,
             rule,
-            merit,
-        })
+            merit: Some((&mut once, &mut out)),
+        })?;
+        Ok((end.value, out))
     }
 }

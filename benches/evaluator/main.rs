@@ -1,0 +1,238 @@
+//! Value, gradient, batch and step-by-step filters of a schedule of K dwells.
+//!
+//! `cargo bench --bench evaluator` prints what docs/benchmarks.md tabulates; every ratio there is
+//! of two lines of one run. The named alternatives, over the same 12000 s in steps of 10 s, the
+//! way such covariances are commonly computed:
+//!
+//! - `naive_filter`: the Kalman filter on the 15×15 covariance, nalgebra's static matrices;
+//! - `square_root_filter`: the square-root filter on faer, which keeps its digits.
+//!
+//! `peak_fma` is the rate of fused multiply-adds that this core reaches on registers alone.
+
+#![allow(clippy::unwrap_used, missing_docs, reason = "a bench has no callers")]
+
+mod naive;
+
+use divan::counter::ItemsCount;
+use divan::{Bencher, black_box};
+use scheme_opt::attitude::Position;
+use scheme_opt::covariance::reference::step_by_step;
+use scheme_opt::covariance::{CovarianceModel, TickRule};
+use scheme_opt::criterion::{Criterion, Smoothing};
+use scheme_opt::drift::CoefficientVector;
+use scheme_opt::motion::Timeline;
+use scheme_opt::platform::{Platform, PlatformConfig};
+use scheme_opt::schedule::{Schedule, ScheduledPosition};
+
+fn main() {
+    divan::main();
+}
+
+/// Numbers of positions.
+const COUNTS: [usize; 4] = [8, 12, 24, 48];
+/// Duration of the test, s.
+const TOTAL_S: f64 = 12_000.0;
+/// Schedules in a batch.
+const BATCH: usize = 64;
+
+/// What the schedules of a case have.
+#[derive(Clone, Copy)]
+struct Case {
+    count: usize,
+    total_s: f64,
+    /// On every dwell, s: zero for whole filter periods.
+    more_s: f64,
+    /// How far dwells differ from schedule to schedule, s.
+    spread_s: f64,
+    slews: bool,
+}
+
+impl Case {
+    fn whole(count: usize) -> Self {
+        Self {
+            count,
+            total_s: TOTAL_S,
+            more_s: 0.0,
+            spread_s: 0.0,
+            slews: false,
+        }
+    }
+
+    /// What a search sees: dwells of any length, and the relaxed measurement at their ends.
+    fn relaxed(count: usize) -> Self {
+        Self {
+            more_s: 3.7,
+            spread_s: 40.0,
+            ..Self::whole(count)
+        }
+    }
+
+    /// Twenty positions on a stand that turns at 0.5 °/s and settles for 30 s.
+    fn slews() -> Self {
+        Self {
+            slews: true,
+            ..Self::relaxed(20)
+        }
+    }
+
+    fn platform(&self) -> Platform {
+        let mut config = PlatformConfig::default();
+        if self.slews {
+            config.motion.slew_rate_deg_per_s = Some(0.5);
+            config.motion.settle_s = 30.0;
+        }
+        config.check().unwrap()
+    }
+
+    /// Schedule `index` of the case.
+    fn timeline(&self, index: usize) -> Timeline {
+        let dwell = (self.total_s / self.count as f64 / 10.0).floor() * 10.0 + self.more_s;
+        let positions = (0..self.count).map(|k| {
+            let (k, i) = (k as f64, index as f64);
+            let angles = [0.3 + 2.1 * k + i, 1.1 * k * k - i, 1.7 * k * k * k];
+            let angles = angles.map(|a| a % std::f64::consts::TAU);
+            let dwell_s = dwell + self.spread_s * (1.7 * i + k).sin();
+            ScheduledPosition::new(Position::from_array(angles), dwell_s)
+        });
+        let schedule = Schedule::new(positions.collect()).unwrap();
+        Timeline::new(&self.platform(), &schedule).unwrap()
+    }
+
+    fn model(&self) -> CovarianceModel {
+        CovarianceModel::new(&self.platform())
+    }
+}
+
+fn bench_value(bencher: Bencher<'_, '_>, case: Case) {
+    let (model, timeline) = (case.model(), case.timeline(0));
+    bencher.counter(ItemsCount::new(1_usize)).bench(|| {
+        let end = model
+            .end_covariance_by_gram(black_box(&timeline), TickRule::Relaxed)
+            .unwrap();
+        end.coefficients.trace()
+    });
+}
+
+fn bench_gradient(bencher: Bencher<'_, '_>, case: Case) {
+    let (model, timeline) = (case.model(), case.timeline(0));
+    bencher.counter(ItemsCount::new(1_usize)).bench(|| {
+        model
+            .gradient(black_box(&timeline), TickRule::Relaxed, |p| {
+                Criterion::rms().log_with_gradient(p, Smoothing::Exact)
+            })
+            .unwrap()
+    });
+}
+
+fn batch(case: Case) -> (CovarianceModel, Vec<Timeline>) {
+    let timelines = (0..BATCH).map(|i| case.timeline(i)).collect();
+    (case.model(), timelines)
+}
+
+fn bench_batch_value(bencher: Bencher<'_, '_>, case: Case) {
+    let (model, timelines) = batch(case);
+    let weights = CoefficientVector::repeat(1.0);
+    bencher
+        .counter(ItemsCount::new(BATCH))
+        .bench(|| model.weighted_traces(black_box(&timelines), TickRule::Relaxed, &weights));
+}
+
+fn bench_batch_gradient(bencher: Bencher<'_, '_>, case: Case) {
+    let (model, timelines) = batch(case);
+    bencher.counter(ItemsCount::new(BATCH)).bench(|| {
+        model.gradients(black_box(&timelines), TickRule::Relaxed, |p| {
+            Criterion::rms().log_with_gradient(p, Smoothing::Exact)
+        })
+    });
+}
+
+#[divan::bench(args = COUNTS)]
+fn value(bencher: Bencher<'_, '_>, count: usize) {
+    bench_value(bencher, Case::whole(count));
+}
+
+#[divan::bench(args = COUNTS)]
+fn value_relaxed(bencher: Bencher<'_, '_>, count: usize) {
+    bench_value(bencher, Case::relaxed(count));
+}
+
+#[divan::bench]
+fn value_slews(bencher: Bencher<'_, '_>) {
+    bench_value(bencher, Case::slews());
+}
+
+/// The same schedule of twelve positions over ever longer tests.
+#[divan::bench(args = [1_200.0, 12_000.0, 120_000.0])]
+fn value_by_duration(bencher: Bencher<'_, '_>, total_s: f64) {
+    let case = Case {
+        total_s,
+        ..Case::whole(12)
+    };
+    bench_value(bencher, case);
+}
+
+#[divan::bench(args = COUNTS)]
+fn gradient(bencher: Bencher<'_, '_>, count: usize) {
+    bench_gradient(bencher, Case::relaxed(count));
+}
+
+#[divan::bench]
+fn gradient_slews(bencher: Bencher<'_, '_>) {
+    bench_gradient(bencher, Case::slews());
+}
+
+#[divan::bench(args = COUNTS)]
+fn batch_value(bencher: Bencher<'_, '_>, count: usize) {
+    bench_batch_value(bencher, Case::whole(count));
+}
+
+#[divan::bench(args = COUNTS)]
+fn batch_value_relaxed(bencher: Bencher<'_, '_>, count: usize) {
+    bench_batch_value(bencher, Case::relaxed(count));
+}
+
+#[divan::bench]
+fn batch_value_slews(bencher: Bencher<'_, '_>) {
+    bench_batch_value(bencher, Case::slews());
+}
+
+#[divan::bench(args = COUNTS)]
+fn batch_gradient(bencher: Bencher<'_, '_>, count: usize) {
+    bench_batch_gradient(bencher, Case::relaxed(count));
+}
+
+#[divan::bench]
+fn batch_gradient_slews(bencher: Bencher<'_, '_>) {
+    bench_batch_gradient(bencher, Case::slews());
+}
+
+#[divan::bench(args = [12], sample_count = 20)]
+fn naive_filter(bencher: Bencher<'_, '_>, count: usize) {
+    let case = Case::whole(count);
+    let (platform, timeline) = (case.platform(), case.timeline(0));
+    bencher
+        .counter(ItemsCount::new(1_usize))
+        .bench(|| naive::covariance_trace(&platform, black_box(&timeline)));
+}
+
+#[divan::bench(args = [12], sample_count = 20)]
+fn square_root_filter(bencher: Bencher<'_, '_>, count: usize) {
+    let case = Case::whole(count);
+    let (platform, timeline) = (case.platform(), case.timeline(0));
+    bencher
+        .counter(ItemsCount::new(1_usize))
+        .bench(|| step_by_step(&platform, black_box(&timeline), &mut |_| {}).unwrap());
+}
+
+/// Many values at once on all threads: the rate per thread should be that of one.
+#[divan::bench(threads = [1, 2])]
+fn batch_value_threads(bencher: Bencher<'_, '_>) {
+    bench_batch_value(bencher, Case::whole(12));
+}
+
+#[divan::bench]
+fn peak_fma(bencher: Bencher<'_, '_>) {
+    bencher
+        .counter(ItemsCount::new(naive::PEAK_ITEMS * naive::lanes()))
+        .bench(|| naive::peak_fma(black_box(1e-3)));
+}

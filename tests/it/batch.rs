@@ -1,0 +1,181 @@
+//! Several schedules at once against one at a time.
+
+use scheme_opt::covariance::gradient::LegGradient;
+use scheme_opt::covariance::{CovarianceModel, TickRule};
+use scheme_opt::criterion::{Criterion, Smoothing};
+use scheme_opt::drift::CoefficientVector;
+use scheme_opt::motion::Timeline;
+use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::schedule::{Schedule, ScheduledPosition};
+
+use crate::support::Random;
+
+/// How the schedules of a batch are to differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// Angles only, moves that take no time; long enough to tell all coefficients.
+    SameDurations,
+    /// Numbers of positions, durations, moves measured and not.
+    AllApart,
+    /// As `AllApart`, with the moves of frame-hold repositioning.
+    FrameHold,
+}
+
+fn platform(random: &mut Random, kind: Kind) -> Platform {
+    let mut config = PlatformConfig::default();
+    config.site.latitude_deg = random.between(-80.0, 80.0);
+    match kind {
+        Kind::SameDurations => {}
+        Kind::AllApart => {
+            config.motion.settle_s = 30.0;
+            config.motion.slew_rate_deg_per_s = Some(1.0);
+        }
+        Kind::FrameHold => config.motion.repositioning = Repositioning::FrameHold,
+    }
+    config.check().unwrap()
+}
+
+fn timeline(random: &mut Random, platform: &Platform, kind: Kind) -> Timeline {
+    let apart = kind != Kind::SameDurations;
+    let count = if apart {
+        8 + (random.unit() * 6.0) as usize
+    } else {
+        12
+    };
+    let positions = (0..count).map(|k| {
+        let dwell_s = match apart {
+            // Shorter than a period, whole, and neither.
+            true if k == 2 => 4.0,
+            true if k % 2 == 0 => random.between(150.0, 900.0).round(),
+            true => random.between(150.0, 900.0),
+            false => 950.0 + 13.7 * k as f64,
+        };
+        ScheduledPosition {
+            move_measured: (kind == Kind::AllApart).then(|| random.unit() < 0.3),
+            ..ScheduledPosition::new(random.position(), dwell_s)
+        }
+    });
+    Timeline::new(platform, &Schedule::new(positions.collect()).unwrap()).unwrap()
+}
+
+/// How far a batch may be off: a rounding, times how much better some combinations are known than
+/// others.
+fn tolerance(kind: Kind) -> f64 {
+    match kind {
+        Kind::SameDurations => 1e-12,
+        Kind::AllApart | Kind::FrameHold => 1e-10,
+    }
+}
+
+/// 19 timelines: whole registers of them, and some to spare.
+fn problem(seed: u64, kind: Kind) -> (CovarianceModel, Vec<Timeline>) {
+    let mut random = Random(seed);
+    let platform = platform(&mut random, kind);
+    let timelines = (0..19)
+        .map(|_| timeline(&mut random, &platform, kind))
+        .collect();
+    (CovarianceModel::new(&platform), timelines)
+}
+
+const KINDS: [Kind; 3] = [Kind::SameDurations, Kind::AllApart, Kind::FrameHold];
+
+#[test]
+fn values_are_those_of_single_schedules() {
+    let weights = CoefficientVector::from_fn(|i, _| 1.0 + i as f64);
+    for (seed, kind) in KINDS.into_iter().enumerate() {
+        let (model, timelines) = problem(seed as u64, kind);
+        for rule in [TickRule::Relaxed, TickRule::Filter] {
+            let traces = model.weighted_traces(&timelines, rule, &weights);
+            let largest = model.values(&timelines, rule, |p| Criterion::E.value(p));
+            for (i, timeline) in timelines.iter().enumerate() {
+                let p = model
+                    .end_covariance_by_gram(timeline, rule)
+                    .unwrap()
+                    .coefficients;
+                let trace = p.diagonal().dot(&weights);
+                let error = (traces[i].as_ref().unwrap() / trace - 1.0).abs();
+                assert!(
+                    error < tolerance(kind),
+                    "{kind:?} {rule:?} {i}: trace off by {error:e}"
+                );
+                let value = Criterion::E.value(&p).unwrap();
+                let error = (largest[i].as_ref().unwrap() / value - 1.0).abs();
+                assert!(
+                    error < tolerance(kind),
+                    "{kind:?} {rule:?} {i}: value off by {error:e}"
+                );
+            }
+        }
+    }
+}
+
+/// The largest difference of two gradients, angles and times each against the largest of them.
+fn difference(a: &[LegGradient], b: &[LegGradient]) -> f64 {
+    let parts = |l: &LegGradient| {
+        let [x, y, z] = l.angles;
+        ([x, y, z], [l.dwell_s, l.move_s])
+    };
+    let largest = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0_f64, |m, v| m.max(v.abs()));
+    let angle = largest(&mut a.iter().flat_map(|l| parts(l).0));
+    let time = largest(&mut a.iter().flat_map(|l| parts(l).1));
+    let pairs = || a.iter().map(parts).zip(b.iter().map(parts));
+    let angles = pairs().flat_map(|((x, _), (y, _))| (0..3).map(move |i| x[i] - y[i]));
+    let times = pairs().flat_map(|((_, x), (_, y))| (0..2).map(move |i| x[i] - y[i]));
+    let (mut angles, mut times) = (angles, times);
+    (largest(&mut angles) / angle).max(largest(&mut times) / time)
+}
+
+#[test]
+fn gradients_are_those_of_single_schedules() {
+    for criterion in [Criterion::rms(), Criterion::D] {
+        let merit = |p: &_| criterion.log_with_gradient(p, Smoothing::Exact);
+        for (seed, kind) in KINDS.into_iter().enumerate() {
+            let (model, timelines) = problem(10 + seed as u64, kind);
+            for rule in [TickRule::Relaxed, TickRule::Filter] {
+                let found = model.gradients(&timelines, rule, merit);
+                for (i, timeline) in timelines.iter().enumerate() {
+                    let (value, gradient) = model.gradient(timeline, rule, merit).unwrap();
+                    let (batch_value, batch_gradient) = found[i].as_ref().unwrap();
+                    assert!((value - batch_value).abs() < tolerance(kind));
+                    assert_eq!(gradient.len(), batch_gradient.len());
+                    let error = difference(&gradient, batch_gradient);
+                    let most = 10.0 * tolerance(kind);
+                    assert!(error < most, "{kind:?} {rule:?} {i}: off by {error:e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn one_bad_schedule_does_not_upset_the_others() {
+    let (model, timelines) = problem(5, Kind::AllApart);
+    let merit = |p: &nalgebra::SMatrix<f64, 12, 12>| {
+        Criterion::rms().log_with_gradient(p, Smoothing::Exact)
+    };
+    let expected = model.gradients(&timelines, TickRule::Relaxed, merit);
+    let worst = expected
+        .iter()
+        .map(|r| r.as_ref().unwrap().0)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let refusing = |p: &nalgebra::SMatrix<f64, 12, 12>| {
+        let (value, slope) = merit(p)?;
+        if value < worst {
+            return Ok((value, slope));
+        }
+        // Not a covariance: has no determinant.
+        let mut indefinite = *p;
+        indefinite[(0, 1)] = 1e6;
+        indefinite[(1, 0)] = 1e6;
+        Criterion::D.log_with_gradient(&indefinite, Smoothing::Exact)
+    };
+    let found = model.gradients(&timelines, TickRule::Relaxed, refusing);
+    let refused = found.iter().filter(|r| r.is_err()).count();
+    assert_eq!(refused, 1);
+    for (a, b) in expected.iter().zip(&found) {
+        if let (Ok(a), Ok(b)) = (a, b) {
+            assert_eq!(a, b);
+        }
+    }
+    assert!(model.values(&[], TickRule::Relaxed, |_| Ok(0.0)).is_empty());
+}
