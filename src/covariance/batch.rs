@@ -10,6 +10,11 @@
 //! (tested: 1e-12), and by rounding too with the schedules that share its group. It never depends
 //! on threads.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "indices are the formulas' own, and closures would not be compiled with the caller"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::gradient::LegGradient;

@@ -2,6 +2,11 @@
 //! that it is the same on every machine and a change of it shows in a test. The counts are also what docs/benchmarks.md compares with the
 //! rate of the core.
 
+#![allow(
+    clippy::suspicious_arithmetic_impl,
+    reason = "operations are counted as they are done"
+)]
+
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
