@@ -256,8 +256,16 @@ impl Workshop for OnTable {
     }
 
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
-        let allocated = allocate(context, plan, smoothing);
-        exchange(context, &self.0, smoothing, Reach::Near, allocated)
+        let mut current = plan;
+        for _ in 0..ROUNDS {
+            let before = current.merit;
+            current = exchange(context, &self.0, smoothing, Reach::Near, current);
+            current = allocate(context, current, smoothing);
+            if context.must_stop() || before - current.merit < 1e-6 {
+                break;
+            }
+        }
+        current
     }
 
     fn settle(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
