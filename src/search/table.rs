@@ -246,13 +246,10 @@ pub(super) struct OnTable(pub Table);
 impl Workshop for OnTable {
     fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
         let snapped = rate(context, plan, smoothing)?;
-        Some(exchange_once(
-            context,
-            &self.0,
-            smoothing,
-            Reach::Near,
-            snapped,
-        ))
+        // The dwells first: a position that is new has one that is a guess.
+        let allocated = allocate(context, snapped, smoothing);
+        let once = exchange_once(context, &self.0, smoothing, Reach::Near, allocated);
+        Some(allocate(context, once, smoothing))
     }
 
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
