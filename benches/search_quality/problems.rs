@@ -77,7 +77,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free",
             "§3 conditions, instantaneous moves",
-            f64::INFINITY,
+            8.9864e-4,
             12_000.0,
             rms,
             |_| {},
@@ -85,7 +85,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free-short",
             "the same in half an hour",
-            f64::INFINITY,
+            1.6475e-2,
             1_800.0,
             rms,
             |_| {},
@@ -93,7 +93,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free-long",
             "the same in a day",
-            f64::INFINITY,
+            1.9225e-4,
             86_400.0,
             rms,
             |_| {},
@@ -101,7 +101,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "slow",
             "0.5 °/s, settle 30 s, four hours",
-            f64::INFINITY,
+            7.4302e-4,
             14_400.0,
             rms,
             |c| {
@@ -111,7 +111,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "very-slow",
             "0.1 °/s, settle 60 s, four hours",
-            f64::INFINITY,
+            7.6082e-4,
             14_400.0,
             rms,
             |c| {
@@ -121,7 +121,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand",
             "|β| ≤ 60°, 0.5 °/s, settle 30 s, four hours",
-            f64::INFINITY,
+            7.4334e-4,
             14_400.0,
             rms,
             stand,
@@ -129,7 +129,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand-d",
             "the stand by criterion d",
-            f64::INFINITY,
+            5.5271e-4,
             14_400.0,
             Criterion::D,
             stand,
@@ -137,7 +137,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand-e",
             "the stand by criterion e",
-            f64::INFINITY,
+            1.8550e-3,
             14_400.0,
             Criterion::E,
             stand,
@@ -145,7 +145,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "tight-one",
             "the stand, D_IX specified ten times tighter",
-            f64::INFINITY,
+            2.1418,
             14_400.0,
             tight_on_one(),
             stand,
@@ -153,7 +153,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "narrow",
             "|α| ≤ 180°, |β| ≤ 45°, |γ| ≤ 90°, 1 °/s, settle 20 s, three hours",
-            f64::INFINITY,
+            1.0340e-3,
             10_800.0,
             rms,
             |c| {
@@ -166,7 +166,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-90",
             "index table of 90°, instantaneous",
-            f64::INFINITY,
+            2.6541e-3,
             12_000.0,
             rms,
             |c| {
@@ -176,7 +176,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-45",
             "index table of 45°, 2 °/s, settle 15 s",
-            f64::INFINITY,
+            9.2719e-4,
             12_000.0,
             rms,
             |c| {
@@ -187,7 +187,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-15",
             "index table of 15°, |β| ≤ 60°, 1 °/s, settle 30 s",
-            f64::INFINITY,
+            9.1309e-4,
             12_000.0,
             rms,
             |c| {
@@ -199,7 +199,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "tactical",
             "tactical grade, 5 °/s, settle 5 s, half an hour",
-            f64::INFINITY,
+            1.0521e-1,
             1_800.0,
             rms,
             |c| {
@@ -214,7 +214,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "navigation",
             "navigation grade, 1 °/s, settle 60 s, eight hours",
-            f64::INFINITY,
+            4.1065e-5,
             28_800.0,
             rms,
             |c| {
@@ -227,7 +227,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "equator",
             "latitude 2°, 1 °/s, settle 30 s",
-            f64::INFINITY,
+            8.4739e-4,
             12_000.0,
             rms,
             |c| {

@@ -253,31 +253,13 @@ impl Workshop for OnTable {
     }
 
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
-        let mut current = plan;
-        for _ in 0..ROUNDS {
-            let before = current.merit;
-            current = exchange(context, &self.0, smoothing, Reach::Near, current);
-            current = allocate(context, current, smoothing);
-            if context.must_stop() || before - current.merit < 1e-6 {
-                break;
-            }
-        }
-        current
+        self.in_rounds(context, smoothing, Reach::Near, plan, |r| r)
     }
 
     fn settle(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-        let snapped = self.0.snapped(context, plan);
-        let mut current = rate(context, &snapped, smoothing)?;
-        for _ in 0..ROUNDS {
-            let before = current.merit;
-            current = exchange(context, &self.0, smoothing, Reach::Near, current);
-            current = allocate(context, current, smoothing);
-            current = drop_idle(context, smoothing, current);
-            if context.must_stop() || before - current.merit < 1e-6 {
-                break;
-            }
-        }
-        Some(current)
+        let snapped = rate(context, &self.0.snapped(context, plan), smoothing)?;
+        let drop = |r| drop_idle(context, smoothing, r);
+        Some(self.in_rounds(context, smoothing, Reach::Near, snapped, drop))
     }
 
     fn polish(&self, context: Context<'_>, mut current: Refined) -> Option<Candidate> {
@@ -286,20 +268,35 @@ impl Workshop for OnTable {
             smoothing = Smoothing::PowerMean(super::finish::SHARPEST);
             current = rate(context, &current.plan, smoothing)?;
         }
-        for _ in 0..ROUNDS {
-            let before = current.merit;
-            current = exchange(context, &self.0, smoothing, Reach::All, current);
-            current = allocate(context, current, smoothing);
-            if context.must_stop() || before - current.merit < 1e-6 {
-                break;
-            }
-        }
+        let current = self.in_rounds(context, smoothing, Reach::All, current, |r| r);
         let current = drop_idle(context, smoothing, current);
         super::finish::settle_times(context, &current.plan)
     }
 
     fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
         self.0.snapped(context, &plan)
+    }
+}
+
+impl OnTable {
+    /// Exchange and allocation in turn, and `then` what else a round does, until none helps.
+    fn in_rounds(
+        &self,
+        context: Context<'_>,
+        smoothing: Smoothing,
+        reach: Reach,
+        mut current: Refined,
+        then: impl Fn(Refined) -> Refined,
+    ) -> Refined {
+        for _ in 0..ROUNDS {
+            let before = current.merit;
+            current = exchange(context, &self.0, smoothing, reach, current);
+            current = then(allocate(context, current, smoothing));
+            if context.must_stop() || before - current.merit < 1e-6 {
+                break;
+            }
+        }
+        current
     }
 }
 
