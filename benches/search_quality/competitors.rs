@@ -15,8 +15,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scheme_opt::covariance::TickRule;
 use scheme_opt::evaluate::Evaluator;
+use scheme_opt::motion::Timeline;
 use scheme_opt::schedule::Schedule;
-use scheme_opt::search::variables::Variables;
+use scheme_opt::search::variables::{Plan, Variables};
 
 use crate::problems::Problem;
 
@@ -62,7 +63,7 @@ impl Competitor {
             seed += 1;
         }
         Found {
-            value: black_box.best.get(),
+            value: black_box.in_whole_periods().unwrap_or(f64::INFINITY),
             evaluations: black_box.evaluations.get(),
         }
     }
@@ -75,7 +76,7 @@ struct BlackBox<'a> {
     evaluator: &'a Evaluator,
     variables: Variables<'a>,
     deadline: Instant,
-    best: Cell<f64>,
+    best: RefCell<(f64, Vec<f64>)>,
     evaluations: Cell<u64>,
 }
 
@@ -85,7 +86,7 @@ impl<'a> BlackBox<'a> {
             evaluator,
             variables: Variables::angles_and_dwells(evaluator.platform(), total_time_s),
             deadline: Instant::now() + Duration::from_secs_f64(time_s),
-            best: Cell::new(f64::INFINITY),
+            best: RefCell::new((f64::INFINITY, Vec::new())),
             evaluations: Cell::new(0),
         }
     }
@@ -102,11 +103,29 @@ impl<'a> BlackBox<'a> {
     fn value(&self, x: &[f64]) -> f64 {
         self.evaluations.set(self.evaluations.get() + 1);
         let value = self.criterion(x).unwrap_or(NO_PLAN);
-        self.best.set(self.best.get().min(value));
+        let mut best = self.best.borrow_mut();
+        if value < best.0 {
+            *best = (value, x.to_vec());
+        }
         value.ln()
     }
 
-    fn criterion(&self, x: &[f64]) -> Option<f64> {
+    /// The best point as a schedule that a stand can run, like the search's own: in whole filter
+    /// periods, by the filter's tick rule.
+    fn in_whole_periods(&self) -> Option<f64> {
+        let platform = self.evaluator.platform();
+        let plan = self.plan(&self.best.borrow().1)?;
+        let total_time_s = self.variables.total_time_s();
+        let schedule = plan.to_schedule().ok()?.scaled_to(platform, total_time_s);
+        let timeline = Timeline::new(platform, &schedule.ok()?).ok()?;
+        let model = self.evaluator.model();
+        let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
+        let criterion = &self.evaluator.objective().criterion;
+        criterion.value(&end.coefficients).ok()
+    }
+
+    /// The plan of a point, on the index table if there is one.
+    fn plan(&self, x: &[f64]) -> Option<Plan> {
         let platform = self.evaluator.platform();
         let mut plan = self.variables.decode(x)?;
         if let Some(step) = platform.gimbals().step_rad {
@@ -116,7 +135,11 @@ impl<'a> BlackBox<'a> {
             let total_time_s = self.variables.total_time_s();
             plan = plan.fitted(platform, total_time_s)?;
         }
-        let timeline = plan.timeline(platform);
+        Some(plan)
+    }
+
+    fn criterion(&self, x: &[f64]) -> Option<f64> {
+        let timeline = self.plan(x)?.timeline(self.evaluator.platform());
         let model = self.evaluator.model();
         let end = model
             .end_covariance_by_gram(&timeline, TickRule::Relaxed)

@@ -65,14 +65,8 @@ impl Workshop for FreeAngles {
     }
 
     fn polish(&self, context: Context<'_>, mut current: Refined) -> Option<Candidate> {
-        // From the power mean towards the criterion itself.
         if context.evaluator.objective().criterion.has_kinks() {
-            for power in [16.0, 48.0, SHARPEST] {
-                let smoothing = Smoothing::PowerMean(power);
-                if let Some(sharper) = refine(context, &current.plan, smoothing, FULL_ITERATIONS) {
-                    current = sharper;
-                }
-            }
+            current = towards_the_kink(context, current);
         }
         round(context, &current.plan)
     }
@@ -80,6 +74,31 @@ impl Workshop for FreeAngles {
     fn admit(&self, _: Context<'_>, plan: Plan) -> Plan {
         plan
     }
+}
+
+/// From the power mean towards the criterion itself: ever sharper means, each from the last, and
+/// of all of them the plan that is best by the criterion. The sharper the mean the harder it is to
+/// refine, so the sharpest is not always the one.
+fn towards_the_kink(context: Context<'_>, mut current: Refined) -> Refined {
+    let exact = |plan: &Plan| rate(context, plan, Smoothing::Exact);
+    let mut best = exact(&current.plan);
+    for power in [16.0, 48.0, SHARPEST, 432.0, 1296.0, 3888.0] {
+        if context.must_stop() {
+            break;
+        }
+        let smoothing = Smoothing::PowerMean(power);
+        let Some(sharper) = refine(context, &current.plan, smoothing, FULL_ITERATIONS) else {
+            break;
+        };
+        current = sharper;
+        let found = exact(&current.plan);
+        if let Some(found) = found
+            && best.as_ref().is_none_or(|b| found.merit < b.merit)
+        {
+            best = Some(found);
+        }
+    }
+    best.unwrap_or(current)
 }
 
 /// Allocation and refinement in turn until neither helps.
@@ -142,17 +161,65 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
         };
         let refined = refine_angles(context, &plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined {
-            plan = round_angles(platform, &refined.plan);
+            let settled = round_angles(platform, &refined.plan);
+            // With a kink the smooth form may have led away from the criterion.
+            if exact_merit(context, &settled) < exact_merit(context, &plan) {
+                plan = settled;
+            }
         }
     }
-    final_figures(context, plan)
+    final_figures(context, shift_periods(context, plan))
+}
+
+/// Moves of a period from one dwell to another, at most.
+const SHIFTS: usize = 60;
+/// Plans of more positions than this keep their rounded dwells: the pairs grow with the square.
+const MOST_SHIFTED: usize = 40;
+
+/// Moves single periods from dwell to dwell as long as the criterion gets better by it: what
+/// rounding has cost is won back.
+fn shift_periods(context: Context<'_>, mut plan: Plan) -> Plan {
+    let platform = context.evaluator.platform();
+    let (period_s, shortest_s) = (platform.period_s(), platform.shortest_dwell_s());
+    let count = plan.dwell_s.len();
+    if count > MOST_SHIFTED {
+        return plan;
+    }
+    let mut merit = exact_merit(context, &plan);
+    for _ in 0..SHIFTS {
+        let mut best: Option<(f64, Plan)> = None;
+        for from in (0..count).filter(|k| plan.dwell_s[*k] - period_s >= shortest_s) {
+            for to in (0..count).filter(|to| *to != from) {
+                let mut shifted = plan.clone();
+                shifted.dwell_s[from] -= period_s;
+                shifted.dwell_s[to] += period_s;
+                let shifted_merit = exact_merit(context, &shifted);
+                if shifted_merit < best.as_ref().map_or(merit - 1e-9, |b| b.0) {
+                    best = Some((shifted_merit, shifted));
+                }
+            }
+        }
+        match best {
+            Some((better, shifted)) if !context.must_stop() => (merit, plan) = (better, shifted),
+            _ => break,
+        }
+    }
+    plan
+}
+
+/// The merit of a finished plan by the criterion itself; infinite where it has none.
+fn exact_merit(context: Context<'_>, plan: &Plan) -> f64 {
+    context.work.count_evaluations(1);
+    let timeline = plan.timeline(context.evaluator.platform());
+    let merit = context.evaluator.merit(&timeline, Smoothing::Exact);
+    merit.unwrap_or(f64::INFINITY)
 }
 
 /// Rounds the dwells of a plan whose angles are final.
 pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let platform = context.evaluator.platform();
     let plan = with_whole_periods(platform, plan, context.problem.total_time_s)?;
-    final_figures(context, plan)
+    final_figures(context, shift_periods(context, plan))
 }
 
 /// The final figures of a plan.

@@ -137,6 +137,7 @@ fn best_in(
     settled.truncate(if warm.is_empty() { IMPROVED } else { 1 });
     let numbered: Vec<(u64, Refined)> = (0..).zip(settled).collect();
     let improve = |(stream, plan): (u64, Refined)| {
+        let (smoothing, plan) = sharpened(context, workshop, plan);
         let improved = improve(context, workshop, smoothing, plan, stream);
         workshop.polish(context, improved)
     };
@@ -146,6 +147,25 @@ fn best_in(
         numbered,
         improve,
     )))
+}
+
+/// The plan by the smoothing that proposals are judged with: where the criterion has kinks, close
+/// enough to it that what wins is better by the criterion too.
+fn sharpened(
+    context: Context<'_>,
+    workshop: &impl Workshop,
+    mut plan: Refined,
+) -> (Smoothing, Refined) {
+    let mut smoothing = context.first_smoothing();
+    if context.evaluator.objective().criterion.has_kinks() {
+        for power in [16.0, 48.0] {
+            smoothing = Smoothing::PowerMean(power);
+            if let Some(rated) = rate(context, &plan.plan, smoothing) {
+                plan = workshop.work_out(context, rated, smoothing);
+            }
+        }
+    }
+    (smoothing, plan)
 }
 
 /// Does a piece of work on each item, in parallel, the first whatever the control says; results
