@@ -77,7 +77,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free",
             "§3 conditions, instantaneous moves",
-            8.9864e-4,
+            8.9864e-04,
             12_000.0,
             rms,
             |_| {},
@@ -85,7 +85,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free-short",
             "the same in half an hour",
-            1.6475e-2,
+            1.6475e-02,
             1_800.0,
             rms,
             |_| {},
@@ -93,7 +93,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "free-long",
             "the same in a day",
-            1.9225e-4,
+            1.9224e-04,
             86_400.0,
             rms,
             |_| {},
@@ -101,7 +101,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "slow",
             "0.5 °/s, settle 30 s, four hours",
-            7.4302e-4,
+            7.4298e-04,
             14_400.0,
             rms,
             |c| {
@@ -111,7 +111,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "very-slow",
             "0.1 °/s, settle 60 s, four hours",
-            7.6082e-4,
+            7.6082e-04,
             14_400.0,
             rms,
             |c| {
@@ -121,7 +121,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand",
             "|β| ≤ 60°, 0.5 °/s, settle 30 s, four hours",
-            7.4334e-4,
+            7.4334e-04,
             14_400.0,
             rms,
             stand,
@@ -129,7 +129,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand-d",
             "the stand by criterion d",
-            5.5271e-4,
+            5.5271e-04,
             14_400.0,
             Criterion::D,
             stand,
@@ -137,7 +137,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "stand-e",
             "the stand by criterion e",
-            1.8550e-3,
+            1.8550e-03,
             14_400.0,
             Criterion::E,
             stand,
@@ -153,7 +153,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "narrow",
             "|α| ≤ 180°, |β| ≤ 45°, |γ| ≤ 90°, 1 °/s, settle 20 s, three hours",
-            1.0340e-3,
+            1.0340e-03,
             10_800.0,
             rms,
             |c| {
@@ -166,7 +166,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-90",
             "index table of 90°, instantaneous",
-            2.6541e-3,
+            2.6541e-03,
             12_000.0,
             rms,
             |c| {
@@ -176,7 +176,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-45",
             "index table of 45°, 2 °/s, settle 15 s",
-            9.2719e-4,
+            9.2719e-04,
             12_000.0,
             rms,
             |c| {
@@ -187,7 +187,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "table-15",
             "index table of 15°, |β| ≤ 60°, 1 °/s, settle 30 s",
-            9.1309e-4,
+            9.1213e-04,
             12_000.0,
             rms,
             |c| {
@@ -199,7 +199,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "tactical",
             "tactical grade, 5 °/s, settle 5 s, half an hour",
-            1.0521e-1,
+            1.0521e-01,
             1_800.0,
             rms,
             |c| {
@@ -214,7 +214,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "navigation",
             "navigation grade, 1 °/s, settle 60 s, eight hours",
-            4.1065e-5,
+            4.1065e-05,
             28_800.0,
             rms,
             |c| {
@@ -227,7 +227,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "equator",
             "latitude 2°, 1 °/s, settle 30 s",
-            8.4739e-4,
+            8.4683e-04,
             12_000.0,
             rms,
             |c| {
@@ -238,7 +238,7 @@ pub fn all() -> Vec<Problem> {
         problem(
             "north",
             "latitude 78°, 1 °/s, settle 30 s",
-            f64::INFINITY,
+            2.9491e-03,
             12_000.0,
             rms,
             |c| {
