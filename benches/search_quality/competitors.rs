@@ -3,7 +3,8 @@
 //!
 //! Each moves the search's own free variables (four per position, limits and total time met by
 //! construction) and is told how many positions the search ended with, which it could not find
-//! out by itself. Angles are rounded to the index table where there is one.
+//! out by itself; where moves are so slow that no random order of as many fits into the time, as
+//! many as fit. Angles are rounded to the index table where there is one.
 
 use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
@@ -49,8 +50,8 @@ impl Competitor {
     /// The best value found in `time_s`, seed 1.
     pub fn run(self, problem: &Problem, reference: &Schedule, time_s: f64) -> Found {
         let evaluator = problem.evaluator();
-        let count = reference.positions().len();
         let black_box = BlackBox::new(&evaluator, problem.search_problem(1).total_time_s, time_s);
+        let count = black_box.most_that_fit(reference.positions().len());
         // A method that ends before its time starts again with another seed.
         let mut seed = 1;
         while !black_box.is_over() {
@@ -69,8 +70,10 @@ impl Competitor {
     }
 }
 
-/// Value of a point that is no plan.
+/// Value of a point that is no plan, times how far it is from one.
 const NO_PLAN: f64 = 1e6;
+/// Random points that are tried for one that is a plan.
+const TRIED: usize = 500;
 
 struct BlackBox<'a> {
     evaluator: &'a Evaluator,
@@ -99,10 +102,28 @@ impl<'a> BlackBox<'a> {
         self.deadline.saturating_duration_since(Instant::now())
     }
 
+    /// The most positions, up to `count`, of which a few hundred random points hold a plan.
+    fn most_that_fit(&self, count: usize) -> usize {
+        let fits = |count: &usize| {
+            let mut random = ChaCha8Rng::seed_from_u64(0);
+            (0..TRIED).any(|_| self.plan(&random_point(*count, &mut random)).is_some())
+        };
+        (1..=count).rev().find(fits).unwrap_or(count)
+    }
+
+    /// How many times the total time the moves of a point take that is no plan.
+    fn excess(&self, x: &[f64]) -> f64 {
+        let platform = self.evaluator.platform();
+        let total_time_s = self.variables.total_time_s();
+        let plan = Variables::angles_and_dwells(platform, 1e3 * total_time_s).decode(x);
+        plan.map_or(1e3, |plan| plan.overhead_s(platform) / total_time_s)
+    }
+
     /// ln of the criterion, by the fast evaluation that the search uses too.
     fn value(&self, x: &[f64]) -> f64 {
         self.evaluations.set(self.evaluations.get() + 1);
-        let value = self.criterion(x).unwrap_or(NO_PLAN);
+        let value = self.criterion(x);
+        let value = value.unwrap_or_else(|| NO_PLAN * (1.0 + self.excess(x)));
         let mut best = self.best.borrow_mut();
         if value < best.0 {
             *best = (value, x.to_vec());
