@@ -16,6 +16,7 @@
 
 mod batch;
 pub mod chain;
+mod dwell_sequence;
 pub mod gradient;
 pub mod history;
 pub(crate) mod incremental;
@@ -33,8 +34,10 @@ use crate::dynamics::ErrorDynamics;
 use crate::error::{Error, Result};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
+pub use dwell_sequence::DwellSequence;
 use kernel::KernelTable;
 use two_stage::information::PriorScale;
+use two_stage::numbers::MOST_LANES;
 
 /// When the filter measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,6 +84,8 @@ pub struct CovarianceModel {
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
     pub(crate) kernels: KernelTable,
+    /// Most lanes that schedules are worked out in.
+    most_lanes: usize,
 }
 
 impl CovarianceModel {
@@ -105,7 +110,15 @@ impl CovarianceModel {
             prior_scale: PriorScale::new(&prior_sigma),
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
+            most_lanes: MOST_LANES,
         }
+    }
+
+    /// The same, working out several schedules in at most `most` lanes: 4 keeps to AVX2 where
+    /// AVX-512 is there, 1 to plain numbers. For tests and benchmarks; results agree to rounding.
+    pub fn with_most_lanes(mut self, most: usize) -> Self {
+        self.most_lanes = most;
+        self
     }
 
     /// ω_N, rad/s.

@@ -15,18 +15,19 @@
     reason = "indices are the formulas' own, and closures would not be compiled with the caller"
 )]
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 use super::gradient::LegGradient;
 use super::two_stage::course::{self, LegAdjoint, Legs, Stretch, Tape};
+use super::two_stage::dispatch::{LaneTask, run_in_lanes};
 use super::two_stage::earth::Earth;
-use super::two_stage::gains::{DwellKernel, DwellNumbers, Either, Own, Shared};
+use super::two_stage::gains::{DwellKernel, DwellNumbers, Own};
 use super::two_stage::information::{
     Factor, PLACES, PriorScale, Rows, complete, symmetric_product,
 };
 use super::two_stage::moves::{Interval, Turn};
 use super::two_stage::numbers::{
-    self, Arithmetic, Lanes, MOST_LANES, Number, Plain, Register, Row, three,
+    self, Alignment, Arithmetic, Lanes, MOST_LANES, Number, Plain, Register, Row, three,
 };
 use super::two_stage::single::OneTimeline;
 use super::two_stage::{Chain, Place, attitude_entries};
@@ -36,17 +37,17 @@ use crate::error::Result;
 use crate::motion::integral::{Panels, half_phase};
 use crate::motion::{Leg, Timeline};
 
-type Lane<S> = Register<S, true>;
+type Lane<S, L> = Register<S, true, L>;
 
 /// One timeline per lane; the last one again in lanes to spare.
-struct Group<'a, S> {
-    ar: Lanes<S>,
+struct Group<'a, S, L> {
+    ar: Lanes<S, L>,
     timelines: Vec<OneTimeline<'a, Plain>>,
     legs: usize,
 }
 
-impl<'a, S: Simd> Group<'a, S> {
-    fn new(ar: Lanes<S>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
+impl<'a, S: Simd, L: Alignment> Group<'a, S, L> {
+    fn new(ar: Lanes<S, L>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
         let legs = timelines.iter().map(Legs::count).max().unwrap_or(0);
         Self {
             ar,
@@ -61,7 +62,7 @@ impl<'a, S: Simd> Group<'a, S> {
 
     /// `value` of every lane, with its timeline.
     #[inline(always)]
-    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S> {
+    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L> {
         let mut values = [0.0; MOST_LANES];
         for (i, slot) in values.iter_mut().enumerate().take(S::F64_LANES) {
             *slot = value(self.lane(i));
@@ -71,20 +72,6 @@ impl<'a, S: Simd> Group<'a, S> {
 
     fn any(&self, leg: usize, has: impl Fn(&OneTimeline<'a, Plain>) -> bool) -> bool {
         self.timelines.iter().any(|t| leg < t.count() && has(t))
-    }
-
-    /// Whether all durations agree, and P depends on nothing else.
-    fn shares_durations(&self) -> bool {
-        let first = &self.timelines[0];
-        let same = |a: &Leg, b: &Leg| {
-            let moves = |l: &Leg| l.arrival.map(|m| (m.duration_s, m.measured));
-            a.dwell_s == b.dwell_s && a.settle_s == b.settle_s && moves(a) == moves(b)
-        };
-        !first.model.frame_hold
-            && self.timelines[1..].iter().all(|t| {
-                let (a, b) = (first.timeline.legs(), t.timeline.legs());
-                a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
-            })
     }
 }
 
@@ -112,13 +99,13 @@ fn no_stretch() -> Stretch<f64> {
     }
 }
 
-impl<S: Simd> Legs<Lanes<S>> for Group<'_, S> {
+impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
     #[inline(always)]
     fn count(&self) -> usize {
         self.legs
     }
     #[inline(always)]
-    fn place(&self, leg: usize) -> Place<Lanes<S>> {
+    fn place(&self, leg: usize) -> Place<Lanes<S, L>> {
         let mut c = [[[0.0; MOST_LANES]; 3]; 3];
         for lane in 0..S::F64_LANES {
             let Some(l) = leg_or_last(self.lane(lane), leg) else {
@@ -138,7 +125,7 @@ impl<S: Simd> Legs<Lanes<S>> for Group<'_, S> {
         )
     }
     #[inline(always)]
-    fn alpha(&self, leg: usize) -> (Lane<S>, Lane<S>) {
+    fn alpha(&self, leg: usize) -> (Lane<S, L>, Lane<S, L>) {
         let alpha =
             |t: &OneTimeline<'_, Plain>| leg_or_last(t, leg).map_or(0.0, |l| l.position.alpha);
         (
@@ -156,7 +143,7 @@ impl<S: Simd> Legs<Lanes<S>> for Group<'_, S> {
         own.map(|t| t.stretches(leg)).max().unwrap_or(0)
     }
     #[inline(always)]
-    fn stretch(&self, leg: usize, index: usize) -> Stretch<Lane<S>> {
+    fn stretch(&self, leg: usize, index: usize) -> Stretch<Lane<S, L>> {
         let mut of = [no_stretch(); MOST_LANES];
         let mut phase = 0.0_f64;
         for (lane, slot) in of.iter_mut().enumerate().take(S::F64_LANES) {
@@ -208,14 +195,14 @@ impl<S: Simd> Legs<Lanes<S>> for Group<'_, S> {
         self.any(leg, |t| t.settles(leg))
     }
     #[inline(always)]
-    fn settle_s(&self, leg: usize) -> Lane<S> {
+    fn settle_s(&self, leg: usize) -> Lane<S, L> {
         self.gather(|t| match leg < t.count() && t.settles(leg) {
             true => t.settle_s(leg),
             false => 0.0,
         })
     }
     #[inline(always)]
-    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S>>> {
+    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S, L>>> {
         let periods = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.periods(leg),
             false => 0,
@@ -239,7 +226,7 @@ impl<S: Simd> Legs<Lanes<S>> for Group<'_, S> {
         self.any(leg, |t| t.remains(leg))
     }
     #[inline(always)]
-    fn remainder(&self, leg: usize) -> (Lane<S>, Option<Lane<S>>) {
+    fn remainder(&self, leg: usize) -> (Lane<S, L>, Option<Lane<S, L>>) {
         let rest = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.remainder(leg),
             false => (0.0, None),
@@ -291,7 +278,12 @@ impl<'a> Batch<'a> {
         order.chunks(lanes).map(<[usize]>::to_vec).collect()
     }
 
-    fn group<S: Simd>(&self, ar: Lanes<S>, of: &[usize], keep_empty: bool) -> Group<'a, S> {
+    fn group<S: Simd, L: Alignment>(
+        &self,
+        ar: Lanes<S, L>,
+        of: &[usize],
+        keep_empty: bool,
+    ) -> Group<'a, S, L> {
         let timeline = |&i: &usize| OneTimeline {
             ar: Plain,
             model: self.model,
@@ -304,25 +296,21 @@ impl<'a> Batch<'a> {
 }
 
 #[inline(always)]
-fn run<S: Simd>(group: &Group<'_, S>, tape: &mut Tape<Lanes<S>>) -> Chain<Lanes<S>> {
+fn run<S: Simd, L: Alignment>(
+    group: &Group<'_, S, L>,
+    tape: &mut Tape<Lanes<S, L>>,
+) -> Chain<Lanes<S, L>> {
     let ar = group.ar;
-    let first = &group.timelines[0];
-    let model = first.model;
-    let plain = model.earth();
+    let model = group.timelines[0].model;
     let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
-    let mut gains = if group.shares_durations() {
-        let own = Own::new(Plain, first, &plain, &model.prior_psi);
-        Either::Shared(Shared::new(ar, own))
-    } else {
-        Either::Own(Own::new(ar, group, &earth, &model.prior_psi))
-    };
+    let mut gains = Own::new(ar, group, &earth, &model.prior_psi);
     course::forward(ar, group, &earth, &mut gains, tape)
 }
 
 /// P_D of one lane in the order of the coefficients.
 #[inline(always)]
-fn covariance_of_lane<S: Simd>(
-    p: &Rows<<Lanes<S> as Arithmetic>::Quad>,
+fn covariance_of_lane<S: Simd, L: Alignment>(
+    p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     lane: usize,
 ) -> CoefficientMatrix {
     let mut out = CoefficientMatrix::zeros();
@@ -337,15 +325,15 @@ fn covariance_of_lane<S: Simd>(
     out
 }
 
-fn is_covariance<S: Simd>(factor: &Factor<Lanes<S>>, lane: usize) -> bool {
+fn is_covariance<S: Simd, L: Alignment>(factor: &Factor<Lanes<S, L>>, lane: usize) -> bool {
     factor.least.lane(lane) > 0.0
 }
 
 /// The factorisation of what the chain has collected.
-struct Factorise<'a, S: Simd>(Lanes<S>, &'a Chain<Lanes<S>>, &'a PriorScale);
+struct Factorise<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Chain<Lanes<S, L>>, &'a PriorScale);
 
-impl<S: Simd> numbers::Work for Factorise<'_, S> {
-    type Output = Factor<Lanes<S>>;
+impl<S: Simd, L: Alignment> numbers::Work for Factorise<'_, S, L> {
+    type Output = Factor<Lanes<S, L>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.e.factor(self.0, self.2)
@@ -353,10 +341,10 @@ impl<S: Simd> numbers::Work for Factorise<'_, S> {
 }
 
 /// P_D from its factors.
-struct Covariance<'a, S: Simd>(Lanes<S>, &'a Factor<Lanes<S>>);
+struct Covariance<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Factor<Lanes<S, L>>);
 
-impl<S: Simd> numbers::Work for Covariance<'_, S> {
-    type Output = Rows<<Lanes<S> as Arithmetic>::Quad>;
+impl<S: Simd, L: Alignment> numbers::Work for Covariance<'_, S, L> {
+    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.covariance(self.0)
@@ -364,14 +352,14 @@ impl<S: Simd> numbers::Work for Covariance<'_, S> {
 }
 
 /// −P G P.
-struct InformationAdjoint<'a, S: Simd>(
-    Lanes<S>,
-    &'a Rows<<Lanes<S> as Arithmetic>::Quad>,
+struct InformationAdjoint<'a, S: Simd, L: Alignment>(
+    Lanes<S, L>,
+    &'a Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     &'a Slopes,
 );
 
-impl<S: Simd> numbers::Work for InformationAdjoint<'_, S> {
-    type Output = Rows<<Lanes<S> as Arithmetic>::Quad>;
+impl<S: Simd, L: Alignment> numbers::Work for InformationAdjoint<'_, S, L> {
+    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         symmetric_product(self.0, self.1, &self.2.pull(self.0, self.1))
@@ -399,11 +387,10 @@ struct Work<'a> {
     wanted: Wanted<'a>,
 }
 
-impl WithSimd for Work<'_> {
+impl LaneTask for Work<'_> {
     type Output = Vec<Answer>;
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Vec<Answer> {
-        let ar = Lanes(simd);
+    fn run<S: Simd, L: Alignment>(self, ar: Lanes<S, L>) -> Vec<Answer> {
         let mut out: Vec<Answer> = Vec::new();
         out.resize_with(self.batch.timelines.len(), || Err(not_finite()));
         let on = matches!(self.wanted, Wanted::Gradient(_));
@@ -429,7 +416,7 @@ impl WithSimd for Work<'_> {
                     let p = ar.apart(Covariance(ar, &factor));
                     for (lane, &i) in of.iter().enumerate() {
                         if is_covariance(&factor, lane) {
-                            let value = merit(&covariance_of_lane::<S>(&p, lane));
+                            let value = merit(&covariance_of_lane::<S, L>(&p, lane));
                             out[i] = value.map(|v| (v, Vec::new()));
                         }
                     }
@@ -442,12 +429,12 @@ impl WithSimd for Work<'_> {
 }
 
 #[inline(always)]
-fn gradients<S: Simd>(
-    group: &Group<'_, S>,
+fn gradients<S: Simd, L: Alignment>(
+    group: &Group<'_, S, L>,
     of: &[usize],
     merit: ValueAndSlope<'_>,
-    factor: &Factor<Lanes<S>>,
-    tape: &Tape<Lanes<S>>,
+    factor: &Factor<Lanes<S, L>>,
+    tape: &Tape<Lanes<S, L>>,
     out: &mut [Answer],
 ) {
     let ar = group.ar;
@@ -458,7 +445,7 @@ fn gradients<S: Simd>(
         if !is_covariance(factor, lane) {
             continue;
         }
-        match merit(&covariance_of_lane::<S>(&p, lane)) {
+        match merit(&covariance_of_lane::<S, L>(&p, lane)) {
             Ok((value, slope)) => {
                 slopes.set(lane, &slope);
                 out[i] = Ok((value, Vec::new()));
@@ -524,11 +511,11 @@ impl Slopes {
 
     /// −G P.
     #[inline(always)]
-    fn pull<S: Simd>(
+    fn pull<S: Simd, L: Alignment>(
         &self,
-        ar: Lanes<S>,
-        p: &Rows<<Lanes<S> as Arithmetic>::Quad>,
-    ) -> Rows<<Lanes<S> as Arithmetic>::Quad> {
+        ar: Lanes<S, L>,
+        p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+    ) -> Rows<<Lanes<S, L> as Arithmetic>::Quad> {
         let mut out = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
         for i in 0..COEFFICIENTS {
             for k in 0..COEFFICIENTS {
@@ -557,7 +544,7 @@ impl CovarianceModel {
             timelines,
             rule,
         };
-        Arch::new().dispatch(Work { batch, wanted })
+        run_in_lanes(self.most_lanes, Work { batch, wanted })
     }
 
     /// tr(W P_D) of every timeline, (°/h)², W diagonal with `weights`: what the weighted RMS σ is

@@ -28,6 +28,7 @@ pub(crate) mod adjoint;
 #[cfg(test)]
 mod counting;
 pub(crate) mod course;
+pub(crate) mod dispatch;
 pub(crate) mod earth;
 pub(crate) mod gains;
 pub(crate) mod information;

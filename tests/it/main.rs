@@ -10,6 +10,7 @@ mod batch;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
+mod dwell_sequence;
 mod gradient;
 mod limits;
 mod observability;

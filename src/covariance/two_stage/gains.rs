@@ -1,14 +1,11 @@
 //! What the steps do to V and E, and P: 3×3 matrices that depend on the durations only.
-//!
-//! So they are the same for all schedules with the same durations, and are then worked out once
-//! in plain numbers ([`Shared`]); otherwise each lane has its own ([`Own`]).
 
 use nalgebra::Matrix3;
 use pulp::Simd;
 
 use super::course::Legs;
 use super::earth::{Earth, Passed};
-use super::numbers::{Arithmetic, Lanes, MOST_LANES, Number, Plain, Register, Row, three};
+use super::numbers::{Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, three};
 use super::square::{
     Entries, Square, condition, difference, entries, gram_of_rows, mirrored, product, rows,
     square_root, sum, transpose, whitener,
@@ -109,10 +106,10 @@ impl<A: Arithmetic> DwellKernel<A> {
     }
 }
 
-impl<S: Simd> DwellKernel<Lanes<S>> {
+impl<S: Simd, L: Alignment> DwellKernel<Lanes<S, L>> {
     /// Each lane its own kernel.
     #[inline(always)]
-    pub fn gather(ar: Lanes<S>, of: &[DwellNumbers; MOST_LANES]) -> Self {
+    pub fn gather(ar: Lanes<S, L>, of: &[DwellNumbers; MOST_LANES]) -> Self {
         macro_rules! matrix {
             ($field:ident) => {
                 three!(|i| three!(|j| {
@@ -334,145 +331,6 @@ impl<A: Arithmetic, L: Legs<A>> Gains<A> for Own<'_, A, L> {
         match weight {
             Some(weight) => (passed, p, Some(self.measure(weight))),
             None => (passed, p, None),
-        }
-    }
-}
-
-/// Worked out once for all lanes, which have the same durations.
-#[derive(Debug)]
-pub(crate) struct Shared<'a, A: Arithmetic, L> {
-    ar: A,
-    own: Own<'a, Plain, L>,
-}
-
-impl<'a, A: Arithmetic, L: Legs<Plain>> Shared<'a, A, L> {
-    /// From the legs of any one lane.
-    #[inline(always)]
-    pub fn new(ar: A, own: Own<'a, Plain, L>) -> Self {
-        Self { ar, own }
-    }
-
-    #[inline(always)]
-    fn entries(&self, m: &Entries<f64>) -> Entries<A::Number> {
-        three!(|i| three!(|j| self.ar.number(m[i][j])))
-    }
-
-    #[inline(always)]
-    fn rows<T: Row<Number = f64>>(&self, m: &Square<T>) -> Square<A::Triple> {
-        rows(self.ar, &self.entries(&entries(m)))
-    }
-
-    #[inline(always)]
-    fn passed(&self, passed: &Passed<Plain>) -> Passed<A> {
-        Passed {
-            phi: self.entries(&passed.phi),
-            gamma: self.entries(&passed.gamma),
-            process: self.ar.number(passed.process),
-        }
-    }
-
-    #[inline(always)]
-    fn seen(&self, seen: &Option<Seen<Plain>>) -> Option<Seen<A>> {
-        match seen {
-            Some(seen) => Some(Seen {
-                weight: self.ar.number(seen.weight),
-                l: self.ar.number(seen.l),
-                d: [self.ar.number(seen.d[0]), self.ar.number(seen.d[1])],
-                p: self.entries(&seen.p),
-            }),
-            None => None,
-        }
-    }
-}
-
-impl<A: Arithmetic, L: Legs<Plain>> Gains<A> for Shared<'_, A, L> {
-    #[inline(always)]
-    fn p(&self) -> Entries<A::Number> {
-        self.entries(&self.own.p)
-    }
-    #[inline(always)]
-    fn rotate(&mut self, _: &Entries<A::Number>) {
-        // Only schedules whose changes of position keep P are worked out together.
-    }
-    #[inline(always)]
-    fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A> {
-        let (passed, p, seen) = self.own.stretch(leg, index);
-        (self.passed(&passed), self.entries(&p), self.seen(&seen))
-    }
-    #[inline(always)]
-    fn settle(&mut self, leg: usize) -> Passed<A> {
-        let passed = self.own.settle(leg);
-        self.passed(&passed)
-    }
-    #[inline(always)]
-    fn dwell(&mut self, leg: usize) -> Option<Gain<A>> {
-        match self.own.dwell(leg) {
-            Some(gain) => Some(Gain {
-                y: self.rows(&gain.y),
-                z: self.rows(&gain.z),
-                m: self.rows(&gain.m),
-                n: self.rows(&gain.n),
-                r22: self.rows(&gain.r22),
-                p: self.entries(&gain.p),
-            }),
-            None => None,
-        }
-    }
-    #[inline(always)]
-    fn remainder(&mut self, leg: usize) -> PassedThenSeen<A> {
-        let (passed, p, seen) = self.own.remainder(leg);
-        (self.passed(&passed), self.entries(&p), self.seen(&seen))
-    }
-}
-
-/// Own or shared, decided while the program runs.
-#[derive(Debug)]
-pub(crate) enum Either<O, S> {
-    Own(O),
-    Shared(S),
-}
-
-impl<A: Arithmetic, O: Gains<A>, S: Gains<A>> Gains<A> for Either<O, S> {
-    #[inline(always)]
-    fn p(&self) -> Entries<A::Number> {
-        match self {
-            Self::Own(own) => own.p(),
-            Self::Shared(shared) => shared.p(),
-        }
-    }
-    #[inline(always)]
-    fn rotate(&mut self, q: &Entries<A::Number>) {
-        match self {
-            Self::Own(own) => own.rotate(q),
-            Self::Shared(shared) => shared.rotate(q),
-        }
-    }
-    #[inline(always)]
-    fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A> {
-        match self {
-            Self::Own(own) => own.stretch(leg, index),
-            Self::Shared(shared) => shared.stretch(leg, index),
-        }
-    }
-    #[inline(always)]
-    fn settle(&mut self, leg: usize) -> Passed<A> {
-        match self {
-            Self::Own(own) => own.settle(leg),
-            Self::Shared(shared) => shared.settle(leg),
-        }
-    }
-    #[inline(always)]
-    fn dwell(&mut self, leg: usize) -> Option<Gain<A>> {
-        match self {
-            Self::Own(own) => own.dwell(leg),
-            Self::Shared(shared) => shared.dwell(leg),
-        }
-    }
-    #[inline(always)]
-    fn remainder(&mut self, leg: usize) -> PassedThenSeen<A> {
-        match self {
-            Self::Own(own) => own.remainder(leg),
-            Self::Shared(shared) => shared.remainder(leg),
         }
     }
 }

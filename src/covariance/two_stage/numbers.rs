@@ -160,6 +160,8 @@ pub(crate) trait Arithmetic: Copy + Debug {
     fn apart<W: Work>(self, work: W) -> W::Output {
         work.run()
     }
+    /// The first of `values`, or one in each lane.
+    fn load(self, values: &[f64; MOST_LANES]) -> Self::Number;
     /// A row of three.
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple;
     /// A row of three constants; the fourth is padding, zero.
@@ -273,6 +275,10 @@ impl Arithmetic for Plain {
         value
     }
     #[inline(always)]
+    fn load(self, values: &[f64; MOST_LANES]) -> f64 {
+        values[0]
+    }
+    #[inline(always)]
     fn triple(self, entries: [f64; 3]) -> Self::Triple {
         Array(entries)
     }
@@ -364,18 +370,39 @@ impl Number for Four {
 /// No register has more lanes.
 pub(crate) const MOST_LANES: usize = 8;
 
+/// Where a register lies in memory. `pulp`'s own types are aligned as one number; a register that
+/// straddles two cache lines takes two accesses, and half of them would.
+pub(crate) trait Alignment: Copy + Debug + 'static {}
+
+/// Of registers of eight numbers.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Align64;
+impl Alignment for Align64 {}
+
+/// Of registers of four numbers or fewer.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
+pub(crate) struct Align32;
+impl Alignment for Align32 {}
+
 /// A register of `S`, one number per lane. With `FUSED`, products and sums round once.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Register<S: Simd, const FUSED: bool> {
+pub(crate) struct Register<S: Simd, const FUSED: bool, L: Alignment> {
     simd: S,
     lanes: S::f64s,
+    _alignment: [L; 0],
 }
 
-impl<S: Simd, const FUSED: bool> Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Register<S, FUSED, L> {
     /// From a register.
     #[inline(always)]
     pub fn new(simd: S, lanes: S::f64s) -> Self {
-        Self { simd, lanes }
+        Self {
+            simd,
+            lanes,
+            _alignment: [],
+        }
     }
 
     /// With `values` in its lanes.
@@ -396,42 +423,42 @@ impl<S: Simd, const FUSED: bool> Register<S, FUSED> {
     }
 }
 
-impl<S: Simd, const FUSED: bool> Add for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Add for Register<S, FUSED, L> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.like(self.simd.add_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool> Sub for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Sub for Register<S, FUSED, L> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.like(self.simd.sub_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool> Mul for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Mul for Register<S, FUSED, L> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.like(self.simd.mul_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool> Div for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Div for Register<S, FUSED, L> {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         self.like(self.simd.div_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool> Neg for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Neg for Register<S, FUSED, L> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         self.like(self.simd.neg_f64s(self.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool> Number for Register<S, FUSED> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Number for Register<S, FUSED, L> {
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         self.like(self.simd.splat_f64s(value))
@@ -459,7 +486,7 @@ impl<S: Simd, const FUSED: bool> Number for Register<S, FUSED> {
 }
 
 /// A row of three or four `f64` in one register of four.
-impl<S: Simd> Row for Register<S, false> {
+impl<S: Simd, const FUSED: bool, L: Alignment> Row for Register<S, FUSED, L> {
     type Number = f64;
     #[inline(always)]
     fn get(self, i: usize) -> f64 {
@@ -496,20 +523,25 @@ impl<S: Simd> Row for Register<S, false> {
     }
 }
 
-/// One schedule with rows in the 256-bit registers of `S`.
+/// One schedule with rows in the 256-bit registers of `S`. With `FUSED`, products and sums of rows
+/// round once.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Packed<S>(pub S);
+pub(crate) struct Packed<S, const FUSED: bool>(pub S);
 
-impl<S: Simd> Arithmetic for Packed<S> {
+impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
     type Number = f64;
-    type Triple = Register<S, false>;
-    type Quad = Register<S, false>;
-    type Node = Register<S, false>;
+    type Triple = Register<S, FUSED, Align32>;
+    type Quad = Register<S, FUSED, Align32>;
+    type Node = Register<S, FUSED, Align32>;
     const NODES: usize = 4;
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
         value
+    }
+    #[inline(always)]
+    fn load(self, values: &[f64; MOST_LANES]) -> f64 {
+        values[0]
     }
     #[inline(always)]
     fn triple(self, entries: [f64; 3]) -> Self::Triple {
@@ -540,13 +572,13 @@ impl<S: Simd> Arithmetic for Packed<S> {
 
 /// Several schedules, one per lane of the registers of `S`.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lanes<S>(pub S);
+pub(crate) struct Lanes<S, L>(pub S, pub L);
 
-impl<S: Simd> Arithmetic for Lanes<S> {
-    type Number = Register<S, true>;
-    type Triple = Array<Register<S, true>, 3>;
-    type Quad = Array<Register<S, true>, 4>;
-    type Node = Register<S, true>;
+impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
+    type Number = Register<S, true, L>;
+    type Triple = Array<Register<S, true, L>, 3>;
+    type Quad = Array<Register<S, true, L>, 4>;
+    type Node = Register<S, true, L>;
     const NODES: usize = 1;
 
     #[inline(always)]
@@ -556,6 +588,10 @@ impl<S: Simd> Arithmetic for Lanes<S> {
     #[inline(always)]
     fn number(self, value: f64) -> Self::Number {
         Register::new(self.0, self.0.splat_f64s(value))
+    }
+    #[inline(always)]
+    fn load(self, values: &[f64; MOST_LANES]) -> Self::Number {
+        Register::gather(self.0, values)
     }
     #[inline(always)]
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple {

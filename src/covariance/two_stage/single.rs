@@ -4,14 +4,14 @@ use std::any::Any;
 use std::cell::RefCell;
 
 use nalgebra::Matrix3;
-use pulp::{NullaryFnOnce, Simd};
 
 use super::course::{self, Legs, Stretch, Tape};
+use super::dispatch::{self, Task};
 use super::earth::Earth;
 use super::gains::{DwellKernel, Gains, Own};
 use super::information::{PLACES, complete, pulled_slope, symmetric_product, to_coefficients};
 use super::moves::{Interval, Turn};
-use super::numbers::{Arithmetic, Packed, Plain, Row};
+use super::numbers::{Arithmetic, Row};
 use super::square::mirrored;
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
@@ -20,34 +20,6 @@ use crate::drift::{CoefficientMatrix, DriftMatrix};
 use crate::error::Result;
 use crate::motion::integral::Panels;
 use crate::motion::{Move, Timeline};
-
-/// Work on one schedule, in whatever registers the machine has.
-trait Task {
-    type Output;
-    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> Self::Output;
-}
-
-/// A task with the registers it is to use.
-struct In<S, T>(S, T);
-
-impl<S: Simd, T: Task> NullaryFnOnce for In<S, T> {
-    type Output = T::Output;
-    #[inline(always)]
-    fn call(self) -> T::Output {
-        self.1.run(Packed(self.0))
-    }
-}
-
-/// Runs `task` with the instruction set of this machine. The results do not depend on it.
-fn dispatch<T: Task>(task: T) -> T::Output {
-    #[cfg(target_arch = "x86_64")]
-    match pulp::x86::Arch::new() {
-        pulp::x86::Arch::V4(simd) => return simd.vectorize(In(*simd, task)),
-        pulp::x86::Arch::V3(simd) => return simd.vectorize(In(simd, task)),
-        _ => {}
-    }
-    task.run(Plain)
-}
 
 /// The legs of one timeline.
 #[derive(Debug, Clone, Copy)]
@@ -293,7 +265,7 @@ fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
 
 impl CovarianceModel {
     fn to_end(&self, timeline: &Timeline, rule: TickRule) -> Result<AtEnd> {
-        dispatch(ToEnd {
+        dispatch::run::<_, false>(ToEnd {
             model: self,
             timeline,
             rule,
@@ -354,7 +326,7 @@ impl CovarianceModel {
             None => Err(not_finite()),
         };
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
-        let end = dispatch(ToEnd {
+        let end = dispatch::run::<_, false>(ToEnd {
             model: self,
             timeline,
             rule,
