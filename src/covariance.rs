@@ -14,7 +14,7 @@
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
-mod batch;
+pub(crate) mod batch;
 pub mod chain;
 mod dwell_sequence;
 pub mod gradient;

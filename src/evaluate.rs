@@ -23,7 +23,7 @@
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::reference::step_by_step;
-use crate::covariance::{CovarianceModel, EndCovariance, TickRule, covariance_from_information};
+use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
@@ -243,8 +243,7 @@ impl Evaluator {
         let covariance = self
             .model
             .coefficients_by_gram(timeline, TickRule::Relaxed)?;
-        let log = self.objective.criterion.log(&covariance, smoothing)?;
-        let mut value = self.objective.covariance_weight * log;
+        let mut value = self.merit_of_covariance(&covariance, smoothing)?;
         if self.objective.uses_separability() {
             value += match LogSeparability::new(&self.model, timeline) {
                 Some(s) => self.separability_merit(&s.log).0,
@@ -254,15 +253,24 @@ impl Evaluator {
         Ok(value)
     }
 
-    /// The covariance's part of the merit from the information on D, without the prior.
-    pub(crate) fn merit_of_information(
+    /// The covariance's part of the merit from P_D, (°/h)².
+    pub(crate) fn merit_of_covariance(
         &self,
-        information: &CoefficientMatrix,
+        covariance: &CoefficientMatrix,
         smoothing: Smoothing,
     ) -> Result<f64> {
-        let p = covariance_from_information(information, &self.model.prior_sigma)?;
-        let (log, _) = self.objective.criterion.log_with_gradient(&p, smoothing)?;
+        let log = self.objective.criterion.log(covariance, smoothing)?;
         Ok(self.objective.covariance_weight * log)
+    }
+
+    /// The merit of every timeline, several at once; without separability.
+    pub(crate) fn merits_by_covariance(
+        &self,
+        timelines: &[Timeline],
+        smoothing: Smoothing,
+    ) -> Vec<Result<f64>> {
+        let merit = |p: &CoefficientMatrix| self.merit_of_covariance(p, smoothing);
+        self.model.values(timelines, TickRule::Relaxed, merit)
     }
 
     /// [`Evaluator::merit`] with its gradient.

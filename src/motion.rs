@@ -163,6 +163,19 @@ impl Timeline {
         Self { legs, positions }
     }
 
+    /// Some of the legs and the arrival at the one that follows, without its dwell.
+    pub(crate) fn part(&self, range: Range<usize>) -> Self {
+        let mut legs = self.legs[range.clone()].to_vec();
+        if let Some(next) = self.legs.get(range.end) {
+            legs.push(Leg {
+                dwell_s: 0.0,
+                ..*next
+            });
+        }
+        let positions = 0..legs.len();
+        Self { legs, positions }
+    }
+
     /// The same timeline with another position number `index`, its dwell kept: two legs and, if
     /// the test returns to it, the return change. For timelines without moves of their own.
     pub(crate) fn with_position(

@@ -15,27 +15,30 @@
     reason = "indices are the formulas' own, and closures would not be compiled with the caller"
 )]
 
+pub(crate) mod between;
+
 use pulp::Simd;
 
 use super::gradient::LegGradient;
 use super::two_stage::course::{self, LegAdjoint, Legs, Stretch, Tape};
 use super::two_stage::dispatch::{LaneTask, run_in_lanes};
 use super::two_stage::earth::Earth;
-use super::two_stage::gains::{DwellKernel, DwellNumbers, Own};
+use super::two_stage::gains::{DwellKernel, DwellNumbers};
 use super::two_stage::information::{
-    Factor, PLACES, PriorScale, Rows, complete, symmetric_product,
+    Factor, Information, PLACES, PriorScale, Rows, complete, symmetric_product,
 };
 use super::two_stage::moves::{Interval, Turn};
 use super::two_stage::numbers::{
     self, Alignment, Arithmetic, Lanes, MOST_LANES, Number, Plain, Register, Row, three,
 };
 use super::two_stage::single::OneTimeline;
-use super::two_stage::{Chain, Place, attitude_entries};
+use super::two_stage::{Place, attitude_entries};
 use super::{CovarianceModel, TickRule, not_finite};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::motion::integral::{Panels, half_phase};
 use crate::motion::{Leg, Timeline};
+use between::{Between, run};
 
 type Lane<S, L> = Register<S, true, L>;
 
@@ -295,18 +298,6 @@ impl<'a> Batch<'a> {
     }
 }
 
-#[inline(always)]
-fn run<S: Simd, L: Alignment>(
-    group: &Group<'_, S, L>,
-    tape: &mut Tape<Lanes<S, L>>,
-) -> Chain<Lanes<S, L>> {
-    let ar = group.ar;
-    let model = group.timelines[0].model;
-    let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
-    let mut gains = Own::new(ar, group, &earth, &model.prior_psi);
-    course::forward(ar, group, &earth, &mut gains, tape)
-}
-
 /// P_D of one lane in the order of the coefficients.
 #[inline(always)]
 fn covariance_of_lane<S: Simd, L: Alignment>(
@@ -330,13 +321,17 @@ fn is_covariance<S: Simd, L: Alignment>(factor: &Factor<Lanes<S, L>>, lane: usiz
 }
 
 /// The factorisation of what the chain has collected.
-struct Factorise<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Chain<Lanes<S, L>>, &'a PriorScale);
+struct Factorise<'a, S: Simd, L: Alignment>(
+    Lanes<S, L>,
+    &'a Information<Lanes<S, L>>,
+    &'a PriorScale,
+);
 
 impl<S: Simd, L: Alignment> numbers::Work for Factorise<'_, S, L> {
     type Output = Factor<Lanes<S, L>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        self.1.e.factor(self.0, self.2)
+        self.1.factor(self.0, self.2)
     }
 }
 
@@ -384,6 +379,8 @@ type Answer = Result<(f64, Vec<LegGradient>)>;
 
 struct Work<'a> {
     batch: Batch<'a>,
+    /// What comes before and after the timelines, if they are parts of a test.
+    between: Option<&'a Between>,
     wanted: Wanted<'a>,
 }
 
@@ -401,8 +398,8 @@ impl LaneTask for Work<'_> {
         for of in self.batch.groups(S::F64_LANES) {
             let group = self.batch.group(ar, &of, on);
             tape.steps.clear();
-            let chain = run(&group, &mut tape);
-            let factor = ar.apart(Factorise(ar, &chain, &self.batch.model.prior_scale));
+            let information = run(&group, self.between, &mut tape);
+            let factor = ar.apart(Factorise(ar, &information, &self.batch.model.prior_scale));
             match &self.wanted {
                 Wanted::WeightedTrace(weights) => {
                     let traces = factor.weighted_trace(ar, weights);
@@ -537,6 +534,7 @@ impl CovarianceModel {
         &'a self,
         timelines: &'a [Timeline],
         rule: TickRule,
+        between: Option<&'a Between>,
         wanted: Wanted<'a>,
     ) -> Vec<Answer> {
         let batch = Batch {
@@ -544,7 +542,12 @@ impl CovarianceModel {
             timelines,
             rule,
         };
-        run_in_lanes(self.most_lanes, Work { batch, wanted })
+        let work = Work {
+            batch,
+            between,
+            wanted,
+        };
+        run_in_lanes(self.most_lanes, work)
     }
 
     /// tr(W P_D) of every timeline, (°/h)², W diagonal with `weights`: what the weighted RMS σ is
@@ -561,7 +564,7 @@ impl CovarianceModel {
         weights: &CoefficientVector,
     ) -> Vec<Result<f64>> {
         let wanted = Wanted::WeightedTrace(PriorScale::new(weights));
-        let answers = self.batch(timelines, rule, wanted);
+        let answers = self.batch(timelines, rule, None, wanted);
         answers.into_iter().map(|a| Ok(a?.0)).collect()
     }
 
@@ -580,7 +583,24 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        let answers = self.batch(timelines, rule, Wanted::Value(&merit));
+        let answers = self.batch(timelines, rule, None, Wanted::Value(&merit));
+        answers.into_iter().map(|a| Ok(a?.0)).collect()
+    }
+
+    /// A figure of merit at the end of a test of which `timelines` are variants of one part, and
+    /// the rest is given.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::values`].
+    pub(crate) fn values_between(
+        &self,
+        timelines: &[Timeline],
+        rule: TickRule,
+        between: &Between,
+        merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
+    ) -> Vec<Result<f64>> {
+        let answers = self.batch(timelines, rule, Some(between), Wanted::Value(&merit));
         answers.into_iter().map(|a| Ok(a?.0)).collect()
     }
 
@@ -596,6 +616,6 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        self.batch(timelines, rule, Wanted::Gradient(&merit))
+        self.batch(timelines, rule, None, Wanted::Gradient(&merit))
     }
 }

@@ -17,9 +17,12 @@
 //! rows, and with them the exact **directional derivative** of inserting a position there:
 //! [`Cut::insertion`].
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, SMatrix};
 
-use super::chain::{Gram, InformationSink, Passage, Recorder, State, Step, measurement_root};
+use super::batch::between::Between;
+use super::chain::{Gram, Passage, Recorder, State, Step, measurement_root};
 use super::small::{square_root, whitener};
 use super::{CovarianceModel, TickRule};
 use crate::attitude::{EAST, NORTH};
@@ -68,14 +71,6 @@ impl Rest {
 
     fn add_information(&mut self, rows: &DriftMatrix) {
         self.information.gemm_tr(1.0, rows, rows, 1.0);
-    }
-
-    /// All information on D with a state and information before the cut.
-    fn joined(&self, state: &State, before: &CoefficientMatrix) -> CoefficientMatrix {
-        let mut gram = Gram(before + self.information);
-        let t = self.psi * state.v + self.drift;
-        gram.add(&(whitener(&(self.psi * square_root(&state.p))) * t));
-        gram.0
     }
 }
 
@@ -219,39 +214,31 @@ impl<'a> Cuts<'a> {
         }
     }
 
-    /// Information on D when the legs `replaced` give way to `legs`. The move to the leg that
-    /// follows, if any, starts at the last of them, so its leg is given anew as `next`; its
-    /// dwell and all that comes after stay.
-    pub fn with(
-        &self,
-        replaced: std::ops::Range<usize>,
-        legs: &[Leg],
-        next: Option<&Leg>,
-    ) -> CoefficientMatrix {
-        let (mut state, before) = match replaced.start.checked_sub(1) {
+    /// What comes before the legs `replaced`, and after the arrival at the leg that follows them, if
+    /// one does. What is put between them are the legs in their place and that arrival: the move
+    /// starts at the last of them.
+    pub fn around(&self, replaced: Range<usize>) -> Between {
+        let (state, before) = self.state_before(replaced.start);
+        let from = replaced.start.checked_sub(1);
+        let from = from.map(|k| self.legs[k].attitude);
+        match self.rest.get(replaced.end) {
+            None => Between::new(&state.v, &state.p, from, &before, None),
+            Some(rest) => Between::new(
+                &state.v,
+                &state.p,
+                from,
+                &(before + rest.information),
+                Some((&rest.psi, &rest.drift)),
+            ),
+        }
+    }
+
+    /// The state in which leg `leg` begins, with the information collected until then.
+    fn state_before(&self, leg: usize) -> (State, CoefficientMatrix) {
+        match leg.checked_sub(1) {
             Some(k) => self.after_dwell[k],
             None => (self.model.start_state(), CoefficientMatrix::zeros()),
-        };
-        let mut gram = Gram(before);
-        let mut previous = replaced.start.checked_sub(1).map(|k| &self.legs[k]);
-        for leg in legs {
-            if let Some(previous) = previous {
-                state = self
-                    .model
-                    .arrive(state, [previous, leg], self.rule, &mut gram);
-            }
-            state = self.model.dwell(state, leg, self.rule, &mut gram);
-            previous = Some(leg);
         }
-        let Some(next) = next else {
-            return gram.0;
-        };
-        if let Some(previous) = previous {
-            state = self
-                .model
-                .arrive(state, [previous, next], self.rule, &mut gram);
-        }
-        self.rest[replaced.end].joined(&state, &gram.0)
     }
 
     /// Information on D of the whole timeline.
@@ -331,7 +318,7 @@ impl Insertion {
 mod tests {
     use super::*;
     use crate::attitude::Position;
-    use crate::covariance::chain::NoRecord;
+    use crate::covariance::chain::{InformationSink, NoRecord};
     use crate::covariance::covariance_from_information;
     use crate::criterion::{Criterion, Smoothing};
     use crate::drift::drift_matrix;
@@ -407,6 +394,11 @@ mod tests {
 
     #[test]
     fn changing_a_position_gives_what_the_whole_run_gives() {
+        // Every entry of P_D counts.
+        let weights = CoefficientMatrix::from_fn(|i, j| match i == j {
+            true => 1.0 + i as f64,
+            false => 0.3 * ((i + j) as f64).sin(),
+        });
         for platform in platforms() {
             let model = CovarianceModel::new(&platform);
             for rule in [TickRule::Filter, TickRule::Relaxed] {
@@ -431,17 +423,26 @@ mod tests {
                     ] {
                         let after = timeline(&platform, &after);
                         let first = offset + k;
-                        let next = after.legs().get(first + new);
-                        let found = cuts.with(
-                            replaced.start + offset..replaced.end + offset,
-                            &after.legs()[first..first + new],
-                            next,
-                        );
-                        assert_same(&found, &information(&model, &after, rule));
+                        let around = cuts.around(replaced.start + offset..replaced.end + offset);
+                        let part = after.part(first..first + new);
+                        let figure = |p: &CoefficientMatrix| Ok(p.dot(&weights));
+                        let found = model.values_between(&[part], rule, &around, figure);
+                        let found = *found[0].as_ref().unwrap();
+                        let expected = model.end_covariance(&after, rule).unwrap();
+                        let expected = expected.coefficients.dot(&weights);
+                        assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
                     }
                 }
             }
         }
+    }
+
+    /// All information on D with a state and information before the cut.
+    fn joined(rest: &Rest, state: &State, before: &CoefficientMatrix) -> CoefficientMatrix {
+        let mut gram = Gram(before + rest.information);
+        let t = rest.psi * state.v + rest.drift;
+        gram.add(&(whitener(&(rest.psi * square_root(&state.p))) * t));
+        gram.0
     }
 
     #[test]
@@ -480,7 +481,7 @@ mod tests {
                     let after = model.dwell(state.0, &leg, rule, &mut gram);
                     let rest = cuts.rest.get(offset + k).copied();
                     let rest = rest.unwrap_or_else(Rest::nothing);
-                    merit(&rest.joined(&after, &gram.0)).0
+                    merit(&joined(&rest, &after, &gram.0)).0
                 };
                 let h = 0.03;
                 let numeric =

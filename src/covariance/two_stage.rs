@@ -40,10 +40,13 @@ pub(crate) mod trigonometry;
 
 use crate::attitude::{Attitude, UP};
 use earth::Passed;
-use gains::{Gain, Seen};
-use information::Information;
-use numbers::{Arithmetic, Row, three};
-use square::{Entries, Square, combine, entries, product, rows, transposed_product};
+use gains::{Gain, Seen, whiten};
+use information::{Information, Rows};
+use numbers::{Arithmetic, Number, Row, four, three};
+use square::{
+    Entries, Square, combine, entries, gram_of_rows, product, rows, square_root,
+    transposed_product, whitener,
+};
 
 /// 3×12, gyro by gyro: row, gyro, factor.
 pub(crate) type Wide<Q> = [[Q; 3]; 3];
@@ -61,6 +64,12 @@ pub(crate) fn inner<Q: Row>(a: &Wide<Q>, b: &Wide<Q>, i: usize, k: usize) -> Q::
 #[inline(always)]
 fn add_column<Q: Row>(m: &[Q::Number; 3], v: &Wide<Q>, j: usize, to: Q) -> Q {
     v[2][j].times_add(m[2], v[1][j].times_add(m[1], v[0][j].times_add(m[0], to)))
+}
+
+/// Numbers in every lane.
+#[inline(always)]
+fn wide<A: Arithmetic>(ar: A, of: &Wide<[f64; 4]>) -> Wide<A::Quad> {
+    three!(|i| three!(|j| ar.quad(four!(|e| ar.number(of[i][j][e])))))
 }
 
 /// `m v`.
@@ -150,6 +159,40 @@ impl<A: Arithmetic> Chain<A> {
             v: [[nothing; 3]; 3],
             e: Information::zeros(ar),
         }
+    }
+
+    /// With `v` and `e` in every lane.
+    #[inline(always)]
+    pub fn known(ar: A, v: &Wide<[f64; 4]>, e: &Rows<[f64; 4]>) -> Self {
+        Self {
+            v: wide(ar, v),
+            e: Information::known(ar, e),
+        }
+    }
+
+    /// E and what three rows R ψ^n + S D of unit noise add to it when `p` is the covariance of
+    /// ψ^n: T = R V + S, E + Tᵀ (I + R P Rᵀ)⁻¹ T.
+    #[inline(always)]
+    pub fn joined(
+        &self,
+        ar: A,
+        p: &Entries<A::Number>,
+        psi: &Entries<f64>,
+        drift: &Wide<[f64; 4]>,
+    ) -> Information<A> {
+        let psi = three!(|i| three!(|j| ar.number(psi[i][j])));
+        let drift = wide(ar, drift);
+        let t = turn(&psi, &self.v);
+        let g = rows(ar, &square_root(p));
+        let (w, d) = whitener(&gram_of_rows(&entries(&product(&psi, &g))));
+        let root = three!(|i| d[i].sqrt());
+        let columns = three!(|j| {
+            let t = three!(|i| t[i][j].plus(drift[i][j]));
+            whiten(&w, &root, &t)
+        });
+        let mut e = self.e;
+        e.add_squares(&three!(|i| three!(|j| columns[j][i])));
+        e
     }
 
     /// Whole filter periods at a place.

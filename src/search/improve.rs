@@ -101,7 +101,10 @@ impl Ideas {
     fn of(context: Context<'_>, smoothing: Smoothing, plan: &Plan) -> Self {
         let most = PATIENCE * ORDERS.max(INSERTIONS);
         let mut ideas = Self {
-            orders: neighbours(context, smoothing, plan, most),
+            orders: neighbours(context, smoothing, plan, most)
+                .into_iter()
+                .map(|r| r.plan)
+                .collect(),
             insertions: insertions(context, smoothing, plan, most),
         };
         ideas.orders.reverse();

@@ -96,32 +96,62 @@ pub(super) fn neighbours(
     smoothing: Smoothing,
     plan: &Plan,
     most: usize,
-) -> Vec<Plan> {
+) -> Vec<Refined> {
     let mut all = changes(plan.angles.len());
     if all.len() > MOST_CHANGES {
         let mut random = ChaCha8Rng::seed_from_u64(context.problem.seed);
         all = all.sample(&mut random, MOST_CHANGES).copied().collect();
     }
-    let mut rated: Vec<(f64, Plan)> = all
-        .into_par_iter()
-        .filter_map(|change| {
-            if context.must_stop() {
-                return None;
-            }
-            let changed = match change {
+    let mut estimated: Vec<(f64, Plan)> = all
+        .par_chunks(AT_ONCE)
+        .flat_map_iter(|some| {
+            let changed = some.iter().map(|change| match *change {
                 Change::Reverse { from, to } => reversed(plan, from, to),
                 Change::Move { from, length, to } => moved(plan, from, length, to),
-            };
-            let rated = rate(
-                context,
-                &with_quickest_positions(context, changed),
-                smoothing,
-            )?;
-            Some((rated.merit, rated.plan))
+            });
+            let quickest = changed.map(|changed| with_quickest_positions(context, changed));
+            estimated(context, smoothing, quickest)
         })
         .collect();
-    rated.sort_by(|a, b| a.0.total_cmp(&b.0));
-    rated.into_iter().take(most).map(|(_, plan)| plan).collect()
+    estimated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let best = estimated.into_iter().take(most);
+    best.filter_map(|(_, plan)| rate(context, &plan, smoothing))
+        .collect()
+}
+
+/// Changes that one thread rates at a time.
+const AT_ONCE: usize = 16;
+
+/// Plans fitted into the time with their merits, several at once; those that have one. To nine
+/// digits, so that equal ones keep their order on every machine.
+fn estimated(
+    context: Context<'_>,
+    smoothing: Smoothing,
+    plans: impl Iterator<Item = Plan>,
+) -> Vec<(f64, Plan)> {
+    if context.must_stop() {
+        return Vec::new();
+    }
+    let evaluator = context.evaluator;
+    if evaluator.objective().uses_separability() {
+        let rated = plans.filter_map(|plan| rate(context, &plan, smoothing));
+        return rated.map(|r| (r.merit, r.plan)).collect();
+    }
+    let (platform, total_time_s) = (evaluator.platform(), context.problem.total_time_s);
+    let plans: Vec<Plan> = plans
+        .filter_map(|plan| plan.fitted(platform, total_time_s))
+        .collect();
+    context.work.count_evaluations(plans.len() as u64);
+    let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(platform)).collect();
+    let merits = evaluator.merits_by_covariance(&timelines, smoothing);
+    let all = merits.into_iter().zip(plans);
+    all.filter_map(|(merit, plan)| Some((told_apart(merit.ok()?)?, plan)))
+        .collect()
+}
+
+/// To nine digits after the point; none where it is not finite.
+pub(super) fn told_apart(merit: f64) -> Option<f64> {
+    merit.is_finite().then(|| (merit * 1e9).round() * 1e-9)
 }
 
 /// Random orders that a descent begins at, besides the given one.
@@ -181,8 +211,7 @@ fn descend(context: Context<'_>, start: Plan) -> Option<Refined> {
     let smoothing = Smoothing::Exact;
     let mut current = rate(context, &with_quickest_positions(context, start), smoothing)?;
     for _ in 0..MOST_STEPS {
-        let next = neighbours(context, smoothing, &current.plan, 1);
-        let next = next.first().and_then(|plan| rate(context, plan, smoothing));
+        let next = neighbours(context, smoothing, &current.plan, 1).pop();
         match next.filter(|next| next.merit < current.merit - 1e-9) {
             Some(better) => current = better,
             None => break,

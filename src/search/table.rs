@@ -13,14 +13,17 @@ use rayon::prelude::*;
 
 use super::allocate::allocate;
 use super::insert::{detour_s, price_of_time};
+use super::order::told_apart;
 use super::pipeline::{Candidate, Context, rate};
 use super::refine::Refined;
 use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::Position;
 use crate::covariance::TickRule;
+use crate::covariance::batch::between::Between;
 use crate::covariance::incremental::Cuts;
 use crate::criterion::Smoothing;
+use crate::motion::Timeline;
 use crate::platform::Platform;
 
 /// Up to this many places of the table (45° and coarser) every start is improved by exchange.
@@ -329,62 +332,117 @@ fn exchange_once(
     reach: Reach,
     mut current: Refined,
 ) -> Refined {
-    for k in 0..current.plan.angles.len() {
-        if context.must_stop() {
-            break;
-        }
-        let places = table.places(context.evaluator.platform(), &current.plan, k, reach);
-        for place in estimated(context, smoothing, &current.plan, k, places) {
-            let mut plan = current.plan.clone();
-            plan.angles[k] = place;
-            if let Some(candidate) = rate(context, &plan, smoothing)
-                && candidate.merit < current.merit - GAIN
-            {
-                current = candidate;
+    let platform = context.evaluator.platform();
+    let mut positions = 0..current.plan.angles.len();
+    while !positions.is_empty() {
+        // Good for all positions until one of them is exchanged.
+        let timeline = current.plan.timeline(platform);
+        let estimates = Estimates::new(context, smoothing, &current.plan, &timeline);
+        for k in positions.by_ref() {
+            if context.must_stop() {
+                return current;
+            }
+            let places = table.places(platform, &current.plan, k, reach);
+            let tried = estimates.best(k, places).into_iter().filter_map(|place| {
+                let mut plan = current.plan.clone();
+                plan.angles[k] = place;
+                rate(context, &plan, smoothing)
+            });
+            let best = tried.reduce(|best, r| if r.merit < best.merit { r } else { best });
+            if let Some(better) = best.filter(|b| b.merit < current.merit - GAIN) {
+                current = better;
+                break;
             }
         }
     }
     current
 }
 
-/// The places worth rating for position `k`, best first, in the order of the table where they
-/// are equal.
-fn estimated(
-    context: Context<'_>,
+/// Estimates of a plan's exchanges, every place at the cost of one dwell and its moves, several
+/// at once.
+struct Estimates<'a> {
+    context: Context<'a>,
     smoothing: Smoothing,
-    plan: &Plan,
-    k: usize,
-    places: Vec<[f64; 3]>,
-) -> Vec<[f64; 3]> {
-    let evaluator = context.evaluator;
-    if evaluator.objective().uses_separability() {
-        return places;
+    timeline: &'a Timeline,
+    /// None where the merit is more than the covariance's.
+    cuts: Option<Cuts<'a>>,
+    /// What a second of moves is worth.
+    price: f64,
+}
+
+/// Places that one thread estimates at a time.
+const AT_ONCE: usize = 64;
+
+impl<'a> Estimates<'a> {
+    fn new(
+        context: Context<'a>,
+        smoothing: Smoothing,
+        plan: &Plan,
+        timeline: &'a Timeline,
+    ) -> Self {
+        let evaluator = context.evaluator;
+        let by_covariance = !evaluator.objective().uses_separability();
+        let slews = evaluator.platform().motion().slew_rate_rad_per_s.is_some();
+        Self {
+            context,
+            smoothing,
+            timeline,
+            cuts: by_covariance.then(|| Cuts::new(evaluator.model(), timeline, TickRule::Relaxed)),
+            price: match by_covariance && slews {
+                true => price_of_time(context, smoothing, plan).unwrap_or(0.0),
+                false => 0.0,
+            },
+        }
     }
-    let platform = evaluator.platform();
-    let timeline = plan.timeline(platform);
-    let cuts = Cuts::new(evaluator.model(), &timeline, TickRule::Relaxed);
-    let price = match platform.motion().slew_rate_rad_per_s {
-        Some(_) => price_of_time(context, smoothing, plan).unwrap_or(0.0),
-        None => 0.0,
-    };
-    let (total_s, leg) = (timeline.total_time_s(), timeline.positions().start + k);
-    context.work.count_evaluations(places.len() as u64);
-    let mut estimates: Vec<(f64, [f64; 3])> = places
-        .into_par_iter()
-        .with_min_len(32)
-        .filter_map(|place| {
-            let changed = timeline.with_position(platform, k, Position::from_array(place));
-            let legs = changed.legs();
-            let information = cuts.with(leg..leg + 1, &legs[leg..=leg], legs.get(leg + 1));
-            let merit = evaluator
-                .merit_of_information(&information, smoothing)
-                .ok()?;
-            let more_s = changed.total_time_s() - total_s;
-            Some((merit - price * more_s, place))
+
+    /// The places worth rating for position `k`, best first, in the order of the table where they
+    /// are equal.
+    fn best(&self, k: usize, places: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+        let Some(cuts) = &self.cuts else {
+            return places;
+        };
+        self.context.work.count_evaluations(places.len() as u64);
+        let leg = self.timeline.positions().start + k;
+        let around = cuts.around(leg..leg + 1);
+        let mut estimates: Vec<(f64, [f64; 3])> = places
+            .par_chunks(AT_ONCE)
+            .flat_map_iter(|some| self.estimates(k, leg, &around, some))
+            .collect();
+        estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        estimates.into_iter().take(RATED).map(|(_, p)| p).collect()
+    }
+
+    fn estimates(
+        &self,
+        k: usize,
+        leg: usize,
+        around: &Between,
+        places: &[[f64; 3]],
+    ) -> Vec<(f64, [f64; 3])> {
+        let evaluator = self.context.evaluator;
+        let platform = evaluator.platform();
+        let mut more_s = Vec::with_capacity(places.len());
+        let parts: Vec<Timeline> = places
+            .iter()
+            .map(|place| {
+                let position = Position::from_array(*place);
+                let changed = self.timeline.with_position(platform, k, position);
+                more_s.push(changed.total_time_s() - self.timeline.total_time_s());
+                changed.part(leg..leg + 1)
+            })
+            .collect();
+        let merits = evaluator
+            .model()
+            .values_between(&parts, TickRule::Relaxed, around, |p| {
+                evaluator.merit_of_covariance(p, self.smoothing)
+            });
+        let all = merits.into_iter().zip(more_s).zip(places);
+        all.filter_map(|((merit, more_s), place)| {
+            let merit = told_apart(merit.ok()? - self.price * more_s)?;
+            Some((merit, *place))
         })
-        .collect();
-    estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
-    estimates.into_iter().take(RATED).map(|(_, p)| p).collect()
+        .collect()
+    }
 }
 
 /// Removes positions one by one, the most idle first, as long as the merit loses less than the

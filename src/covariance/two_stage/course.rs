@@ -211,7 +211,7 @@ impl<A: Arithmetic, L: Legs<A>, G: Gains<A>> Forward<'_, A, L, G> {
     }
 }
 
-/// Runs the chain over the legs.
+/// Runs the chain over the legs from its start on.
 #[inline(always)]
 pub(crate) fn forward<A: Arithmetic>(
     ar: A,
@@ -220,15 +220,28 @@ pub(crate) fn forward<A: Arithmetic>(
     gains: &mut impl Gains<A>,
     tape: &mut Tape<A>,
 ) -> Chain<A> {
+    forward_from(ar, legs, earth, gains, tape, (Chain::new(ar), None))
+}
+
+/// Runs the chain on over the legs, `from` where it is and the place it is at.
+#[inline(always)]
+pub(crate) fn forward_from<A: Arithmetic>(
+    ar: A,
+    legs: &impl Legs<A>,
+    earth: &Earth<A::Number>,
+    gains: &mut impl Gains<A>,
+    tape: &mut Tape<A>,
+    from: (Chain<A>, Option<Place<A>>),
+) -> Chain<A> {
+    let (chain, mut previous) = from;
     let mut forward = Forward {
         ar,
         legs,
         earth,
         gains,
         tape,
-        chain: Chain::new(ar),
+        chain,
     };
-    let mut previous: Option<Place<A>> = None;
     for leg in 0..legs.count() {
         let at = legs.place(leg);
         if let Some(from) = previous

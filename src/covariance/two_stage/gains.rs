@@ -179,7 +179,11 @@ impl<A: Arithmetic> Gain<A> {
 
 /// D^{-½} L⁻¹ m for the entries of L⁻¹ and the diagonal of D^{-½}.
 #[inline(always)]
-fn whiten<T: Row>(w: &[T::Number; 3], root: &[T::Number; 3], m: &Square<T>) -> Square<T> {
+pub(crate) fn whiten<T: Row>(
+    w: &[T::Number; 3],
+    root: &[T::Number; 3],
+    m: &Square<T>,
+) -> Square<T> {
     [
         m[0].times(root[0]),
         m[0].times_add(w[0], m[1]).times(root[1]),

@@ -6,7 +6,9 @@
 use super::Wide;
 use super::numbers::{Arithmetic, Number, Row, four, three};
 use super::square::Entries;
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
+use crate::drift::{
+    COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftMatrix,
+};
 
 /// Where a coefficient stands among the rows, and the sign with which it counts: its column of A
 /// is `sign · h_e C_j`.
@@ -40,6 +42,30 @@ impl<A: Arithmetic> Information<A> {
     #[inline(always)]
     pub fn zeros(ar: A) -> Self {
         Self([[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS])
+    }
+
+    /// The same numbers in every lane.
+    #[inline(always)]
+    pub fn known(ar: A, e: &Rows<[f64; 4]>) -> Self {
+        let mut rows = Self::zeros(ar);
+        for i in 0..COEFFICIENTS {
+            for k in 0..3 {
+                rows.0[i][k] = ar.quad(four!(|f| ar.number(e[i][k][f])));
+            }
+        }
+        rows
+    }
+
+    /// E += XᵀX.
+    #[inline(always)]
+    pub fn add_squares(&mut self, x: &Wide<A::Quad>) {
+        three!(|j| four!(|e| three!(|k| if k >= j {
+            let first = if k == j { e } else { 0 };
+            let sum = self.0[4 * j + e][k];
+            let sum = x[0][k].times_add_from(x[0][j].get(e), sum, first);
+            let sum = x[1][k].times_add_from(x[1][j].get(e), sum, first);
+            self.0[4 * j + e][k] = x[2][k].times_add_from(x[2][j].get(e), sum, first);
+        })));
     }
 
     /// E += XᵀX + n ⊗ hᵀh, n symmetric.
@@ -196,6 +222,28 @@ pub(crate) fn to_coefficients<Q: Row<Number = f64>>(rows: &Rows<Q>) -> Coefficie
         }
     }
     out
+}
+
+/// A symmetric matrix over the coefficients, gyro by gyro.
+pub(crate) fn by_gyros(m: &CoefficientMatrix) -> Rows<[f64; 4]> {
+    let mut rows = [[[0.0; 4]; 3]; COEFFICIENTS];
+    for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
+        for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
+            rows[i][k / 4][k % 4] = sign_a * sign_b * m[(a, b)];
+        }
+    }
+    rows
+}
+
+/// Three rows over the coefficients, gyro by gyro.
+pub(crate) fn rows_by_gyros(m: &DriftMatrix) -> Wide<[f64; 4]> {
+    let mut wide = [[[0.0; 4]; 3]; 3];
+    for (c, &(at, sign)) in PLACES.iter().enumerate() {
+        for i in 0..3 {
+            wide[i][at / 4][at % 4] = sign * m[(i, c)];
+        }
+    }
+    wide
 }
 
 /// The lower blocks from the upper ones.

@@ -1,0 +1,102 @@
+//! A part of a test in many variants, between a start and a rest that they share.
+
+use super::super::two_stage::course::{self, Tape};
+use super::super::two_stage::earth::Earth;
+use super::super::two_stage::gains::{Gains, Own};
+use super::super::two_stage::information::{Information, Rows, by_gyros, rows_by_gyros};
+use super::super::two_stage::numbers::{Alignment, Arithmetic, Lanes, Work, three};
+use super::super::two_stage::square::Entries;
+use super::super::two_stage::{Chain, Place, Wide, attitude_entries};
+use super::Group;
+use crate::attitude::Attitude;
+use crate::drift::{CoefficientMatrix, DriftMatrix};
+use nalgebra::Matrix3;
+use pulp::Simd;
+
+/// What comes before and after a part of a test.
+#[derive(Debug, Clone)]
+pub(crate) struct Between {
+    v: Wide<[f64; 4]>,
+    p: Matrix3<f64>,
+    /// All information that does not depend on the part.
+    e: Rows<[f64; 4]>,
+    /// Where the platform is at the start.
+    from: Option<Attitude>,
+    /// Rows R ψ^n + S D of unit noise at the end of the part: R and S.
+    rest: Option<(Entries<f64>, Wide<[f64; 4]>)>,
+}
+
+impl Between {
+    /// From V, P, the attitude before, the information that does not depend on the part, and the
+    /// rows (R, S) of what comes after.
+    pub fn new(
+        v: &DriftMatrix,
+        p: &Matrix3<f64>,
+        from: Option<Attitude>,
+        information: &CoefficientMatrix,
+        rest: Option<(&Matrix3<f64>, &DriftMatrix)>,
+    ) -> Self {
+        let rest = rest.map(|(r, s)| (three!(|i| three!(|j| r[(i, j)])), rows_by_gyros(s)));
+        Self {
+            v: rows_by_gyros(v),
+            p: *p,
+            e: by_gyros(information),
+            from,
+            rest,
+        }
+    }
+}
+
+/// The rest of the test added to what the chain has collected.
+struct Join<'a, A: Arithmetic> {
+    ar: A,
+    chain: &'a Chain<A>,
+    p: Entries<A::Number>,
+    rest: &'a (Entries<f64>, Wide<[f64; 4]>),
+}
+
+impl<A: Arithmetic> Work for Join<'_, A> {
+    type Output = Information<A>;
+    #[inline(always)]
+    fn run(self) -> Information<A> {
+        let (psi, drift) = self.rest;
+        self.chain.joined(self.ar, &self.p, psi, drift)
+    }
+}
+
+/// The information at the end of every lane's timeline, between what is given.
+#[inline(always)]
+pub(super) fn run<S: Simd, L: Alignment>(
+    group: &Group<'_, S, L>,
+    between: Option<&Between>,
+    tape: &mut Tape<Lanes<S, L>>,
+) -> Information<Lanes<S, L>> {
+    let ar = group.ar;
+    let model = group.timelines[0].model;
+    let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+    let start_p = between.map_or(&model.prior_psi, |b| &b.p);
+    let mut gains = Own::new(ar, group, &earth, start_p);
+    let from = match between {
+        None => (Chain::new(ar), None),
+        Some(b) => (
+            Chain::known(ar, &b.v, &b.e),
+            b.from.as_ref().map(|a| place(ar, a)),
+        ),
+    };
+    let chain = course::forward_from(ar, group, &earth, &mut gains, tape, from);
+    match between.and_then(|b| b.rest.as_ref()) {
+        None => chain.e,
+        Some(rest) => ar.apart(Join {
+            ar,
+            chain: &chain,
+            p: gains.p(),
+            rest,
+        }),
+    }
+}
+
+#[inline(always)]
+fn place<A: Arithmetic>(ar: A, attitude: &Attitude) -> Place<A> {
+    let c = attitude_entries(attitude);
+    Place::new(ar, three!(|i| three!(|j| ar.number(c[i][j]))))
+}
