@@ -163,6 +163,40 @@ impl Timeline {
         Self { legs, positions }
     }
 
+    /// The part of [`Timeline::with_position`] that is another, position `index` and the arrival
+    /// at the one that follows, and how much longer the whole takes, s.
+    pub(crate) fn exchange(
+        &self,
+        platform: &Platform,
+        index: usize,
+        position: Position,
+    ) -> (Self, f64) {
+        let at = self.positions.start + index;
+        // A test that returns to its first position has another return too.
+        let returns_here = at == 0 && self.positions.end < self.legs.len();
+        if returns_here || at + 2 == self.legs.len() {
+            let changed = self.with_position(platform, index, position);
+            let more_s = changed.total_time_s() - self.total_time_s();
+            return (changed.part(at..at + 1), more_s);
+        }
+        let before = at.checked_sub(1).map(|k| self.legs[k].position);
+        let held = ScheduledPosition::new(position, self.legs[at].dwell_s);
+        let mut part = self.part(at..at + 1);
+        part.legs[0] = Self::leg(platform, before, &held);
+        if let Some(next) = part.legs.get_mut(1) {
+            let held = ScheduledPosition::new(next.position, 0.0);
+            next.arrival = Self::arrival(platform, Some(position), &held);
+        }
+        let of = |leg: Option<&Leg>| leg.map_or(0.0, Leg::duration_s);
+        let next_s = self
+            .legs
+            .get(at + 1)
+            .map_or(0.0, |l| l.duration_s() - l.dwell_s);
+        let was_s = self.legs[at].duration_s() + next_s;
+        let more_s = of(part.legs.first()) + of(part.legs.get(1)) - was_s;
+        (part, more_s)
+    }
+
     /// Some of the legs and the arrival at the one that follows, without its dwell.
     pub(crate) fn part(&self, range: Range<usize>) -> Self {
         let mut legs = self.legs[range.clone()].to_vec();
@@ -217,9 +251,10 @@ impl Timeline {
     }
 
     /// One leg, unchecked.
-    fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
+    /// The move to a position, from where there is one.
+    fn arrival(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Option<Move> {
         let motion = &platform.motion;
-        let arrival = from.map(|from| {
+        from.map(|from| {
             let change = gimbal_change(platform, from, p.position);
             let mut m = Move {
                 from: from.to_array(),
@@ -234,11 +269,15 @@ impl Timeline {
                 m.duration_s = p.move_s.unwrap_or(by_rate);
             }
             m
-        });
+        })
+    }
+
+    fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
+        let arrival = Self::arrival(platform, from, p);
         Leg {
             arrival,
             settle_s: match arrival {
-                Some(m) if !m.measured => motion.settle_s,
+                Some(m) if !m.measured => platform.motion.settle_s,
                 _ => 0.0,
             },
             position: p.position,
@@ -331,6 +370,37 @@ mod tests {
             .iter()
             .map(|a| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), 100.0));
         Schedule::new(positions.collect()).unwrap()
+    }
+
+    #[test]
+    fn an_exchange_is_the_timeline_of_the_exchanged_positions() {
+        for (start, returns) in [(None, false), (None, true), (Some([5.0; 3]), true)] {
+            let platform = platform(|c| {
+                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.settle_s = 30.0;
+                c.motion.start_deg = start;
+                c.motion.return_to_start = returns;
+            });
+            let of =
+                |angle: f64| ScheduledPosition::new(Position::from_deg(angle, 20.0, -angle), 300.0);
+            let positions = [of(10.0), of(-80.0), of(150.0), of(60.0)];
+            let whole = |p: &[ScheduledPosition]| Timeline::unchecked(&platform, p.iter().copied());
+            let before = whole(&positions);
+            for k in 0..positions.len() {
+                let place = Position::from_deg(-33.0, 50.0, 7.0);
+                let mut exchanged = positions;
+                exchanged[k].position = place;
+                let after = whole(&exchanged);
+                let (part, more_s) = before.exchange(&platform, k, place);
+                let at = before.positions().start + k;
+                assert_eq!(part, after.part(at..at + 1));
+                let expected_s = after.total_time_s() - before.total_time_s();
+                assert!(
+                    (more_s - expected_s).abs() < 1e-9,
+                    "{k}: {more_s} {expected_s}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -406,19 +406,13 @@ impl<'a> Estimates<'a> {
         let around = cuts.around(leg..leg + 1);
         let mut estimates: Vec<(f64, [f64; 3])> = places
             .par_chunks(AT_ONCE)
-            .flat_map_iter(|some| self.estimates(k, leg, &around, some))
+            .flat_map_iter(|some| self.estimates(k, &around, some))
             .collect();
         estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
         estimates.into_iter().take(RATED).map(|(_, p)| p).collect()
     }
 
-    fn estimates(
-        &self,
-        k: usize,
-        leg: usize,
-        around: &Between,
-        places: &[[f64; 3]],
-    ) -> Vec<(f64, [f64; 3])> {
+    fn estimates(&self, k: usize, around: &Between, places: &[[f64; 3]]) -> Vec<(f64, [f64; 3])> {
         let evaluator = self.context.evaluator;
         let platform = evaluator.platform();
         let mut more_s = Vec::with_capacity(places.len());
@@ -426,9 +420,9 @@ impl<'a> Estimates<'a> {
             .iter()
             .map(|place| {
                 let position = Position::from_array(*place);
-                let changed = self.timeline.with_position(platform, k, position);
-                more_s.push(changed.total_time_s() - self.timeline.total_time_s());
-                changed.part(leg..leg + 1)
+                let (part, more) = self.timeline.exchange(platform, k, position);
+                more_s.push(more);
+                part
             })
             .collect();
         let merits = evaluator
