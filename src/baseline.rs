@@ -83,7 +83,7 @@ fn accuracy(
 }
 
 /// A comparison is fair when both sides keep to the shortest dwell.
-fn check_dwells(evaluator: &Evaluator, schedule: &Schedule) -> Result<()> {
+pub(crate) fn check_dwells(evaluator: &Evaluator, schedule: &Schedule) -> Result<()> {
     let least_s = evaluator.platform().motion().min_dwell_s;
     let dwells = schedule.positions().iter().map(|p| p.dwell_s);
     let shortest_s = dwells.fold(f64::INFINITY, f64::min);

@@ -1,8 +1,8 @@
 //! Comparison of schedules: what each reaches on the same platform in the same time.
 
+use crate::baseline::check_dwells;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
-use crate::motion::Timeline;
 use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
 use crate::search::order::best_order;
@@ -123,14 +123,7 @@ pub fn compare(evaluator: &Evaluator, contenders: &[Contender], terms: &Terms) -
 fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Result<Schedule> {
     let platform = evaluator.platform();
     let schedule = scheme.schedule(terms.total_time_s, platform)?;
-    let least_s = platform.motion().min_dwell_s;
-    let dwell_s = schedule.positions()[0].dwell_s;
-    if dwell_s < least_s * (1.0 - 1e-12) {
-        return Err(Error::infeasible("its equal dwells would be too short")
-            .with_key("dwell_s")
-            .with_value(format!("{dwell_s:.3}"))
-            .with_allowed(format!("at least motion.min_dwell_s = {least_s}")));
-    }
+    check_dwells(evaluator, &schedule)?;
     schedule.scaled_to(platform, terms.total_time_s)
 }
 
@@ -141,8 +134,6 @@ fn in_best_order(evaluator: &Evaluator, schedule: &Schedule, terms: &Terms) -> R
 }
 
 fn evaluated(evaluator: &Evaluator, schedule: Schedule) -> Result<(Schedule, Evaluation)> {
-    // The timeline first: its errors name the position.
-    Timeline::new(evaluator.platform(), &schedule)?;
     let evaluation = evaluator.evaluate(&schedule)?;
     Ok((schedule, evaluation))
 }

@@ -45,20 +45,18 @@ pub(crate) enum Passage {
     Remainder,
     /// Settling after a move.
     Settle,
-    /// `start_s` to `start_s + length` of the move; `last` where the interval ends the move.
-    Moving { start_s: f64, last: bool },
+    /// `start_s` to `start_s + length` of the move.
+    Moving { start_s: f64 },
 }
 
 /// One step of the chain.
-#[allow(dead_code, reason = "what a step was is for whoever watches the chain")]
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Step {
     /// `periods` filter periods of the dwell.
     Dwell { periods: usize },
     /// Time without a measurement.
     Pass { passage: Passage, length_s: f64 },
-    /// A measurement of ψ_x, ψ_z with information `weight` each, 1/arcsec²; of the relaxed
-    /// remainder when `fraction` says so.
+    /// A measurement of ψ_x, ψ_z with information `weight` each, 1/arcsec².
     Measure { weight: f64, of: Measured },
     /// Change of position in frame-hold repositioning.
     Rotate,
@@ -67,12 +65,10 @@ pub(crate) enum Step {
 /// What a single measurement belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Measured {
-    /// A whole tick of a measured move.
-    Tick,
-    /// The relaxed remainder of a dwell: its weight grows with the dwell.
-    DwellRemainder,
-    /// The relaxed remainder of a measured move.
-    MoveRemainder,
+    /// A measured move.
+    Move,
+    /// The rest of a dwell.
+    Dwell,
 }
 
 /// Takes the information rows as the chain produces them: E += XᵀX.
@@ -93,18 +89,15 @@ impl InformationSink for Gram {
 
 /// Watches the chain.
 pub(crate) trait Recorder {
-    /// Whether steps of no length are wanted too (their derivative is not zero).
-    const KEEP_EMPTY: bool;
-    /// Called with the state before each step.
-    fn record(&mut self, leg: usize, step: Step, before: &State);
+    /// Called before each step of a leg.
+    fn record(&mut self, leg: usize, step: Step);
 }
 
 /// Remembers nothing.
 pub(crate) struct NoRecord;
 
 impl Recorder for NoRecord {
-    const KEEP_EMPTY: bool = false;
-    fn record(&mut self, _: usize, _: Step, _: &State) {}
+    fn record(&mut self, _: usize, _: Step) {}
 }
 
 /// The chain at work: model, rule, and what it writes to.
@@ -219,14 +212,14 @@ impl EndCovariance {
 impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
     fn arrive(&mut self, arrival: &Move, leg: &Leg, previous: &Leg) {
         if self.model.frame_hold {
-            self.recorder.record(self.leg, Step::Rotate, &self.state);
+            self.recorder.record(self.leg, Step::Rotate);
             let q = leg.attitude.matrix() * previous.attitude.matrix().transpose();
             self.state.v = q * self.state.v;
             self.state.p = q * self.state.p * q.transpose();
         } else if arrival.measured {
             self.measured_move(arrival);
         } else if arrival.duration_s > 0.0 {
-            self.moving(arrival, 0.0, arrival.duration_s, true);
+            self.moving(arrival, 0.0, arrival.duration_s);
         }
         if leg.settle_s > 0.0 {
             self.pass_at(Passage::Settle, leg, leg.settle_s);
@@ -242,14 +235,13 @@ impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
         let (ticks, remainder) = split_periods(arrival.duration_s, period);
         let weight = self.model.noise_variance.recip();
         for tick in 0..ticks {
-            let last = remainder == 0.0 && tick + 1 == ticks && !R::KEEP_EMPTY;
-            self.moving(arrival, tick as f64 * period, period, last);
-            self.measure(weight, Measured::Tick);
+            self.moving(arrival, tick as f64 * period, period);
+            self.measure(weight, Measured::Move);
         }
-        if remainder > 0.0 || R::KEEP_EMPTY {
-            self.moving(arrival, ticks as f64 * period, remainder, true);
+        if remainder > 0.0 {
+            self.moving(arrival, ticks as f64 * period, remainder);
             if self.rule == TickRule::Relaxed {
-                self.measure(weight * remainder / period, Measured::MoveRemainder);
+                self.measure(weight * remainder / period, Measured::Move);
             }
         }
     }
@@ -257,15 +249,14 @@ impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
     fn dwell(&mut self, leg: &Leg) {
         let (periods, remainder) = split_periods(leg.dwell_s, self.model.period_s);
         if periods > 0 {
-            self.recorder
-                .record(self.leg, Step::Dwell { periods }, &self.state);
+            self.recorder.record(self.leg, Step::Dwell { periods });
             self.dwell_periods(leg, periods);
         }
-        if remainder > 0.0 || R::KEEP_EMPTY {
+        if remainder > 0.0 {
             self.pass_at(Passage::Remainder, leg, remainder);
             if self.rule == TickRule::Relaxed {
                 let weight = remainder / (self.model.period_s * self.model.noise_variance);
-                self.measure(weight, Measured::DwellRemainder);
+                self.measure(weight, Measured::Dwell);
             }
         }
     }
@@ -292,14 +283,14 @@ impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
     }
 
     /// An interval of a move.
-    fn moving(&mut self, m: &Move, start_s: f64, length_s: f64, last: bool) {
+    fn moving(&mut self, m: &Move, start_s: f64, length_s: f64) {
         let b = m.drift_integral(&self.model.dynamics, start_s, length_s);
-        self.pass(Passage::Moving { start_s, last }, length_s, &b);
+        self.pass(Passage::Moving { start_s }, length_s, &b);
     }
 
     fn pass(&mut self, passage: Passage, length_s: f64, b: &DriftMatrix) {
         self.recorder
-            .record(self.leg, Step::Pass { passage, length_s }, &self.state);
+            .record(self.leg, Step::Pass { passage, length_s });
         let phi = self.model.dynamics.transition(length_s);
         let noise = Matrix3::identity() * (self.model.drift_psd * length_s);
         self.state.v = phi * self.state.v + b;
@@ -307,8 +298,7 @@ impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
     }
 
     fn measure(&mut self, weight: f64, of: Measured) {
-        self.recorder
-            .record(self.leg, Step::Measure { weight, of }, &self.state);
+        self.recorder.record(self.leg, Step::Measure { weight, of });
         let h = measurement_root(weight);
         let State { v, p } = self.state;
         let g = square_root(&p);

@@ -22,7 +22,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, SMatrix};
 
 use super::batch::between::Between;
-use super::chain::{Gram, Passage, Recorder, State, Step, measurement_root};
+use super::chain::{Gram, Measured, Passage, Recorder, State, Step, measurement_root};
 use super::small::{square_root, whitener};
 use super::{CovarianceModel, TickRule};
 use crate::attitude::{EAST, NORTH};
@@ -115,13 +115,12 @@ pub(crate) struct Cuts<'a> {
     rest: Vec<Rest>,
 }
 
-/// Remembers which steps a chain takes, without their states.
+/// Remembers which steps a chain takes.
 #[derive(Default)]
 struct Steps(Vec<(usize, Step)>);
 
 impl Recorder for Steps {
-    const KEEP_EMPTY: bool = false;
-    fn record(&mut self, leg: usize, step: Step, _: &State) {
+    fn record(&mut self, leg: usize, step: Step) {
         self.0.push((leg, step));
     }
 }
@@ -168,7 +167,7 @@ impl<'a> Cuts<'a> {
                             ..
                         }
                         | Step::Measure {
-                            of: super::chain::Measured::DwellRemainder,
+                            of: Measured::Dwell,
                             ..
                         }
                 )
@@ -196,7 +195,7 @@ impl<'a> Cuts<'a> {
             Step::Pass { passage, length_s } => {
                 let dynamics = &model.dynamics;
                 let b = match (passage, &l.arrival) {
-                    (Passage::Moving { start_s, .. }, Some(m)) => {
+                    (Passage::Moving { start_s }, Some(m)) => {
                         m.drift_integral(dynamics, start_s, length_s)
                     }
                     _ => times_drift_matrix(&dynamics.integral(length_s), &l.attitude),

@@ -8,6 +8,7 @@
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
@@ -54,8 +55,9 @@ enum Reach {
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     angles: [Vec<f64>; 3],
-    /// The places by attitude, each with all its triples; empty when there are too many.
-    attitudes: Vec<Vec<[f64; 3]>>,
+    /// The places by attitude, each with all its triples; empty when there are too many. Worked
+    /// out when first wanted: few users of a table ask for them.
+    attitudes: OnceLock<Vec<Vec<[f64; 3]>>>,
 }
 
 impl Table {
@@ -76,14 +78,10 @@ impl Table {
             };
             (first..=last).map(|k| k as f64 * step).collect()
         });
-        let mut table = Self {
+        Some(Self {
             angles,
-            attitudes: Vec::new(),
-        };
-        if table.count().is_some_and(|n| n <= ALL_PLACES) {
-            table.attitudes = by_attitude(&table.angles);
-        }
-        Some(table)
+            attitudes: OnceLock::new(),
+        })
     }
 
     /// Whether any position can be set at all.
@@ -94,6 +92,14 @@ impl Table {
     /// Whether every start can be improved by trying every place.
     pub fn is_coarse(&self) -> bool {
         self.count().is_some_and(|n| n <= COARSE)
+    }
+
+    /// The places by attitude; none when there are too many.
+    fn attitudes(&self) -> &[Vec<[f64; 3]>] {
+        self.attitudes.get_or_init(|| match self.count() {
+            Some(n) if n <= ALL_PLACES => by_attitude(&self.angles),
+            _ => Vec::new(),
+        })
     }
 
     /// How many places there are.
@@ -172,7 +178,7 @@ impl Table {
     fn places(&self, platform: &Platform, plan: &Plan, k: usize, reach: Reach) -> Vec<[f64; 3]> {
         let angles = plan.angles[k];
         let all = reach == Reach::All || self.is_coarse();
-        if all && !self.attitudes.is_empty() {
+        if all && !self.attitudes().is_empty() {
             let others = plan.without(k);
             let quickest = |triples: &Vec<[f64; 3]>| {
                 let detours = triples.iter().map(|t| {
@@ -182,7 +188,7 @@ impl Table {
                 let best = detours.reduce(|best, d| if d.0 < best.0 { d } else { best });
                 best.map_or(angles, |(_, triple)| triple)
             };
-            return self.attitudes.iter().map(quickest).collect();
+            return self.attitudes().iter().map(quickest).collect();
         }
         let mut places = Vec::new();
         // All combinations of neighbouring settings,
@@ -477,8 +483,8 @@ mod tests {
     fn a_quarter_turn_table_holds_the_24_rotations_of_the_cube() {
         let evaluator = evaluator();
         let table = Table::new(evaluator.platform()).unwrap();
-        assert_eq!(table.attitudes.len(), 24);
-        assert_eq!(table.attitudes.iter().map(Vec::len).sum::<usize>(), 64);
+        assert_eq!(table.attitudes().len(), 24);
+        assert_eq!(table.attitudes().iter().map(Vec::len).sum::<usize>(), 64);
         assert_eq!(table.sample(1000).len(), 64);
         // A stride that shares no factor with an axis reaches every angle of each.
         let some = table.sample(16);
@@ -496,7 +502,7 @@ mod tests {
     /// Every sequence of `count` of the attitudes, no two the same in a row, with equal dwells.
     fn sequences(context: Context<'_>, count: usize) -> Vec<Refined> {
         let table = Table::new(context.evaluator.platform()).unwrap();
-        let places: Vec<[f64; 3]> = table.attitudes.iter().map(|a| a[0]).collect();
+        let places: Vec<[f64; 3]> = table.attitudes().iter().map(|a| a[0]).collect();
         let n = places.len();
         (0..n.pow(count as u32))
             .into_par_iter()
