@@ -54,6 +54,7 @@ pub mod baseline;
 pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod commands;
 pub mod compare;
 pub mod covariance;
 pub mod criterion;

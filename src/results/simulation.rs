@@ -17,6 +17,7 @@ pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
 
 /// What many simulated runs of a test show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulationDocument {
     /// [`SIMULATION_SCHEMA`].
     pub schema: String,
@@ -73,6 +74,7 @@ pub struct SimulationDocument {
 
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -88,6 +90,7 @@ pub struct SimulatedCoefficient {
 
 /// Errors of one misalignment angle at the end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedMisalignment {
     /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
     pub name: String,
@@ -103,6 +106,7 @@ pub struct SimulatedMisalignment {
 
 /// Consistency when a position is left.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedPosition {
     /// Time, s.
     pub end_s: f64,
@@ -114,6 +118,7 @@ pub struct SimulatedPosition {
 
 /// Consistency for one size of the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SweepRecord {
     /// Prior 1σ of the misalignment about each axis, degrees.
     pub misalignment_deg: f64,

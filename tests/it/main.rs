@@ -10,6 +10,7 @@ mod batch;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
+mod commands;
 mod gradient;
 mod limits;
 mod observability;

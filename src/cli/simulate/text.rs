@@ -2,7 +2,8 @@
 
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::{number, render, seconds};
+use crate::cli::table::render;
+use crate::report::numbers::{number, seconds};
 use crate::results::{SimulationDocument, SweepRecord};
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::{SweepPoint, largest_without_optimism};
