@@ -23,6 +23,7 @@ mod page;
 mod progress;
 mod report;
 mod schema;
+mod screen;
 mod search;
 mod simulate;
 mod standard;

@@ -7,10 +7,8 @@ use crate::report::words;
 use crate::results::{EvaluationDocument, ResultDocument};
 use crate::search::Status;
 
+use super::screen::Screen;
 use super::table;
-
-/// The longest line of running text.
-const WIDTH: usize = 80;
 
 /// What a search found.
 pub(super) fn search(
@@ -120,11 +118,12 @@ fn totals(document: &EvaluationDocument) -> String {
 
 /// Breaks running text into lines.
 pub(super) fn wrap(text: &str) -> String {
+    let longest = usize::from(Screen::of_stdout().width.min(Screen::WIDTH));
     let mut lines = String::new();
     let mut width = 0;
     for word in text.split_whitespace() {
         let length = word.chars().count();
-        if width > 0 && width + 1 + length > WIDTH {
+        if width > 0 && width + 1 + length > longest {
             lines.push('\n');
             width = 0;
         } else if width > 0 {
@@ -147,7 +146,7 @@ mod tests {
         let text = wrap(&"seventeen letters ".repeat(30));
         assert!(
             text.lines()
-                .all(|line| line.len() <= WIDTH && !line.ends_with(' '))
+                .all(|line| line.len() <= usize::from(Screen::WIDTH) && !line.ends_with(' '))
         );
         assert_eq!(text.split_whitespace().count(), 60);
     }

@@ -1,7 +1,9 @@
-//! Tables and numbers for people, at most 80 columns wide.
+//! Tables for people: as wide as the terminal allows, 80 columns where there is none.
 
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ContentArrangement, Table};
+
+use super::screen::Screen;
 
 use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
@@ -9,9 +11,6 @@ use crate::report::numbers::{number, optional, seconds};
 use crate::results::schema::DocumentKind;
 use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
-
-/// The widest table, columns.
-const WIDTH: u16 = 80;
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,14 +30,22 @@ pub(super) fn render<const N: usize>(
 
 /// The same for a number of columns that depends on what there is to show.
 pub(super) fn render_rows(columns: &[(&str, Align)], rows: Vec<Vec<String>>) -> String {
+    let screen = Screen::of_stdout();
     let mut table = Table::new();
     table
         .load_style(ASCII_MARKDOWN)
-        .force_no_tty()
         .set_content_arrangement(ContentArrangement::Dynamic)
-        .set_width(WIDTH);
-    table.set_header(columns.iter().map(|(name, _)| *name));
-    table.add_rows(rows);
+        .set_width(screen.width);
+    if screen.color {
+        table.enforce_styling();
+    } else {
+        table.force_no_tty();
+    }
+    table.set_header(columns.iter().map(|(name, _)| screen.heading(name)));
+    table.add_rows(
+        rows.into_iter()
+            .map(|row| row.into_iter().map(|cell| screen.cell(cell))),
+    );
     for (i, (_, align)) in columns.iter().enumerate() {
         if let Some(column) = table.column_mut(i)
             && *align == Right

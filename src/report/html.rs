@@ -72,7 +72,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
-        vec![Block::List(verdict)],
+        vec![verdict_block(verdict)],
     )];
     sections.extend(body(&subject));
     if !document.pareto.is_empty() {
@@ -110,7 +110,7 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
-        vec![Block::List(verdict)],
+        vec![verdict_block(verdict)],
     )];
     sections.extend(body(&subject));
     sections.push(Section::new(
@@ -137,7 +137,7 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
-        vec![Block::List(verdict)],
+        vec![verdict_block(verdict)],
     )];
     sections.extend(body(&subject));
     let mut blocks = vec![
@@ -209,7 +209,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
         skipped.map(|s| format!("{}: not run, {}", tables::name(&s.name, &s.order), s.reason));
     blocks.extend(list(skipped.collect()));
     let mut sections = vec![
-        Section::new("verdict", "Verdict", vec![Block::List(verdict)]),
+        Section::new("verdict", "Verdict", vec![verdict_block(verdict)]),
         Section::new("comparison", "Side by side", blocks),
     ];
     sections.extend(body(&subject));
@@ -284,6 +284,15 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
         .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")))
 }
 
+/// The unit as this page writes it: sentences shared with the terminal have it in plain letters.
+fn typeset(sentence: &str) -> String {
+    sentence.replace("deg/h", "°/h")
+}
+
+fn verdict_block(sentences: Vec<String>) -> Block {
+    Block::List(sentences.iter().map(|s| typeset(s)).collect())
+}
+
 fn list(sentences: Vec<String>) -> Option<Block> {
     (!sentences.is_empty()).then_some(Block::List(sentences))
 }
@@ -297,18 +306,20 @@ fn accuracy_words(subject: &Subject) -> Vec<String> {
         .iter()
         .max_by(|a, b| a.sigma_deg_per_h.total_cmp(&b.sigma_deg_per_h));
     let largest = largest.map_or_else(String::new, |c| {
-        format!(", {} for {}", number(c.sigma_deg_per_h), c.name.name())
+        format!(
+            "; at worst {} for {}",
+            number(c.sigma_deg_per_h),
+            c.name.name()
+        )
     });
     let mut words = vec![format!(
-        "Accuracy {} °/h (RMS of the twelve 1σ; at worst {}{largest}) after {} s with {positions} \
-         position{}, of which {} s moving and settling.",
+        "Accuracy {} °/h (RMS of the twelve 1σ{largest}) after {} s with {positions} position{}, \
+         of which {} s moving and settling.",
         number(d.rms_sigma_deg_per_h),
-        number(d.max_sigma_deg_per_h),
         seconds(d.total_time_s),
         if positions == 1 { "" } else { "s" },
         seconds(d.overhead_s),
-    )
-    .replace(&format!("{}, {}", number(d.max_sigma_deg_per_h), number(d.max_sigma_deg_per_h)), &number(d.max_sigma_deg_per_h))];
+    )];
     if d.score.criterion_name != "a" {
         words.push(format!(
             "Criterion {}: {} {}.",
@@ -481,7 +492,8 @@ fn command_blocks(subject: &Subject) -> Vec<Block> {
         Block::Text(
             "ω_c is the rate of the platform relative to inertial space in its own axes: it tracks \
              the Earth while it dwells, and slews on top of that in a move. Through a move ω_c \
-             changes; the steps that a stand integrates are in commands.csv (scheme-opt commands)."
+             changes; the table has that of the first of its steps, and commands.csv has all of \
+             them (scheme-opt commands)."
                 .to_owned(),
         ),
         Block::Table(tables::commands(subject)),

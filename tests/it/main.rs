@@ -16,6 +16,7 @@ mod limits;
 mod observability;
 mod physics;
 mod reference;
+mod replanning;
 mod search;
 mod simulation;
 mod support;

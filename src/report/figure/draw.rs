@@ -182,13 +182,14 @@ fn draw_panel(cell: &Area, ink: &Ink, panel: &Panel, clip: &str) -> Drawn {
     match panel.y_scale {
         Scale::Linear => {
             let chart = builder.build_cartesian_2d(x0..x1, y0..y1)?;
-            draw_chart(chart, ink, panel, clip)
+            draw_chart(chart, ink, panel, clip)?;
         }
         Scale::Log => {
             let chart = builder.build_cartesian_2d(x0..x1, (y0..y1).log_scale())?;
-            draw_chart(chart, ink, panel, clip)
+            draw_chart(chart, ink, panel, clip)?;
         }
     }
+    draw_y_label(cell, panel)
 }
 
 fn draw_chart<Y>(mut chart: Chart<'_, Y>, ink: &Ink, panel: &Panel, clip: &str) -> Drawn
@@ -208,6 +209,7 @@ where
         .axis_style(line(FRAME, 1.0))
         .label_style(text(FONT, centred))
         .axis_desc_style(text(FONT, centred))
+        .set_all_tick_mark_size(units(5.0))
         .x_labels(TICKS)
         .y_labels(TICKS)
         .x_label_formatter(&|v| tick(*v, x1 - x0))
@@ -215,7 +217,6 @@ where
         .x_desc(panel.x_label.as_str())
         .draw()?;
     let (x, y) = chart.plotting_area().get_pixel_range();
-    let left_edge = x.start;
     let root = chart.plotting_area().strip_coord_spec();
     let [width, height] = [x.end - x.start, y.end - y.start].map(|u| f64::from(u) / UNITS);
     let [left, top] = [x.start, y.start].map(|u| f64::from(u) / UNITS);
@@ -223,22 +224,7 @@ where
         "<clipPath id=\"{clip}\"><rect x=\"{left}\" y=\"{top}\" width=\"{width}\" \
          height=\"{height}\"/></clipPath><g clip-path=\"url(#{clip})\">\n"
     ));
-    for span in &panel.spans {
-        let low = span.range[0].clamp(x0, x1);
-        let high = span.range[1].clamp(x0, x1);
-        let color = span.color.map_or(BLACK.mix(0.001), |c| c.rgb().mix(0.18));
-        let shape = Rectangle::new([(low, y0), (high, y1)], color.filled());
-        let mut drawn = Ok(());
-        ink.titled(&span.title, || {
-            drawn = chart.plotting_area().draw(&shape);
-        });
-        drawn?;
-        if !span.text.is_empty() {
-            let (x, _) = chart.backend_coord(&(0.5 * (low + high), y0));
-            let at = (x - left_edge, units(9.0));
-            root.draw(&Text::new(span.text.as_str(), at, text(FONT, centred)))?;
-        }
-    }
+    draw_spans(&chart, ink, panel)?;
     for band in &panel.bands {
         draw_band(&chart, panel, band)?;
     }
@@ -256,17 +242,42 @@ where
     root.draw(&Rectangle::new(
         [(0, 0), (x.end - x.start, y.end - y.start)],
         line(FRAME, 1.0),
-    ))?;
-    draw_y_label(&root, panel, [LEFT, height])
+    ))
+}
+
+/// The spans with their titles and texts.
+fn draw_spans<Y: Ranged<ValueType = f64>>(chart: &Chart<'_, Y>, ink: &Ink, panel: &Panel) -> Drawn {
+    let ([x0, x1], [y0, y1]) = panel.ranges();
+    let left = chart.plotting_area().get_pixel_range().0.start;
+    let root = chart.plotting_area().strip_coord_spec();
+    let centred = Pos::new(HPos::Center, VPos::Center);
+    for span in &panel.spans {
+        let low = span.range[0].clamp(x0, x1);
+        let high = span.range[1].clamp(x0, x1);
+        let color = span.color.map_or(BLACK.mix(0.001), |c| c.rgb().mix(0.18));
+        let shape = Rectangle::new([(low, y0), (high, y1)], color.filled());
+        let mut drawn = Ok(());
+        ink.titled(&span.title, || {
+            drawn = chart.plotting_area().draw(&shape);
+        });
+        drawn?;
+        if !span.text.is_empty() {
+            let (x, _) = chart.backend_coord(&(0.5 * (low + high), y0));
+            let at = (x - left, units(9.0));
+            root.draw(&Text::new(span.text.as_str(), at, text(FONT, centred)))?;
+        }
+    }
+    Ok(())
 }
 
 /// The label of the y axis, upwards at the left edge: the plotting crate would put it on top of
 /// long tick labels.
-fn draw_y_label(plot: &Area, panel: &Panel, [left, height]: [f64; 2]) -> Drawn {
+fn draw_y_label(cell: &Area, panel: &Panel) -> Drawn {
     let mut style = text(FONT, Pos::new(HPos::Center, VPos::Center));
     style.font = style.font.transform(FontTransform::Rotate270);
-    let at = (units(9.0 - left), units(0.5 * height));
-    plot.draw(&Text::new(panel.y_label.as_str(), at, style))
+    let height = f64::from(cell.dim_in_pixel().1) / UNITS;
+    let at = (units(9.0), units(0.5 * (TOP + height - BOTTOM)));
+    cell.draw(&Text::new(panel.y_label.as_str(), at, style))
 }
 
 fn draw_band<Y: Ranged<ValueType = f64>>(

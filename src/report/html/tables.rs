@@ -93,7 +93,10 @@ pub(super) fn commands(subject: &Subject) -> Table {
             || NONE.to_owned(),
             |r| {
                 let deg = r.map(|v| format!("{:.4}", Angle::from_rad(v).deg() + 0.0));
-                deg.join(", ")
+                match r == [0.0; 3] {
+                    true => "0".to_owned(),
+                    false => deg.join(", "),
+                }
             },
         );
         rows.push(vec![
@@ -110,15 +113,12 @@ pub(super) fn commands(subject: &Subject) -> Table {
             },
             rates,
             platform_rate(first),
-            match group.len() {
-                1 => "1".to_owned(),
-                steps => format!("{steps}, at first as given"),
-            },
+            group.len().to_string(),
             if first.measured { "yes" } else { "no" }.to_owned(),
         ]);
     }
     Table::new(
-        "Commands for the stand",
+        "Commands, a row for each move, settle and dwell",
         &[
             "clock",
             "segment",
@@ -142,8 +142,8 @@ fn platform_rate(command: &crate::commands::Command) -> String {
     };
     let turning = matches!(command.segment, Segment::Move | Segment::Return);
     let parts = [omega.x, omega.y, omega.z].map(|v| match turning {
-        true => format!("{:.5}", Angle::from_rad(v).deg() + 0.0),
-        false => format!("{:.5}", AngularRate::from_rad_per_s(v).deg_per_h() + 0.0),
+        true => format!("{:.4}", Angle::from_rad(v).deg() + 0.0),
+        false => format!("{:.4}", AngularRate::from_rad_per_s(v).deg_per_h() + 0.0),
     });
     let unit = if turning { "°/s" } else { "°/h" };
     format!("{} {unit}", parts.join(", "))
@@ -229,7 +229,6 @@ pub(super) fn weak(subject: &Subject) -> Table {
         vec![
             w.name.clone(),
             number(w.sigma_deg_per_h),
-            w.seen_through_order.number().to_string(),
             format!("{x}, {z}, {y}"),
         ]
     });
@@ -238,8 +237,7 @@ pub(super) fn weak(subject: &Subject) -> Table {
         &[
             "combination",
             "σ, °/h",
-            "seen through order",
-            "information by x, z (order 1), y (order 2)",
+            "information by x, z (order 1) and y (order 2)",
         ],
         rows.collect(),
     )
