@@ -128,6 +128,10 @@ const HEADER: &str = "clock,start_s,duration_s,segment,position,\
     alpha_rate_deg_per_s,beta_rate_deg_per_s,gamma_rate_deg_per_s,\
     omega_x_deg_per_h,omega_y_deg_per_h,omega_z_deg_per_h,measured";
 
+/// Decimals of durations, angles and rates: replaying the text of a test of hours is then off by
+/// less than 1e-9 rad.
+const DECIMALS: usize = 12;
+
 /// Most rows of a table.
 const MAX_COMMANDS: f64 = 1e6;
 
@@ -179,8 +183,8 @@ impl CommandTable {
         &self.commands
     }
 
-    /// The table as CSV with a header line. Rates carry 1e-9 °/h, angles 1e-9°, so that replaying
-    /// the text loses nothing that a stand could show.
+    /// The table as CSV with a header line, in numbers with twelve decimals at most: a rate is held
+    /// for a thousand seconds, and hundreds of rows follow each other.
     pub fn to_csv(&self) -> String {
         let mut text = format!("{HEADER}\n");
         for c in &self.commands {
@@ -190,21 +194,25 @@ impl CommandTable {
                 text,
                 "{},{},{},{},{position}",
                 clock(c.start_s),
-                trimmed(c.start_s, 6),
-                trimmed(c.duration_s, 6),
+                trimmed(c.start_s, 9),
+                trimmed(c.duration_s, DECIMALS),
                 c.segment.name(),
             );
             for angle in c.from.iter().chain(&c.to) {
-                let _ = write!(text, ",{}", trimmed(Angle::from_rad(*angle).deg(), 9));
+                let _ = write!(
+                    text,
+                    ",{}",
+                    trimmed(Angle::from_rad(*angle).deg(), DECIMALS)
+                );
             }
             for axis in 0..3 {
                 let rate = c.gimbal_rates.map(|r| Angle::from_rad(r[axis]).deg());
-                let _ = write!(text, ",{}", optional(rate, 9));
+                let _ = write!(text, ",{}", optional(rate, DECIMALS));
             }
             for axis in 0..3 {
                 let rate = c.platform_rate.map(|r| r[axis]);
                 let rate = rate.map(|r| AngularRate::from_rad_per_s(r).deg_per_h());
-                let _ = write!(text, ",{}", optional(rate, 9));
+                let _ = write!(text, ",{}", optional(rate, DECIMALS));
             }
             let _ = writeln!(text, ",{}", c.measured);
         }

@@ -16,7 +16,7 @@
         head.setAttribute("aria-sort", up ? "ascending" : "descending");
         const rows = [...body.rows].sort((a, b) => {
           const [x, y] = [value(a, i), value(b, i)], [p, q] = [number(x), number(y)];
-          const order = isNaN(p) || isNaN(q) ? x.localeCompare(y) : p - q;
+          const order = Number.isFinite(p) && Number.isFinite(q) ? p - q : x.localeCompare(y);
           return up ? order : -order;
         });
         body.append(...rows);

@@ -233,6 +233,7 @@ pub struct Panel {
     x_range: Option<[f64; 2]>,
     y_range: Option<[f64; 2]>,
     y_scale: Scale,
+    x_names: Vec<String>,
 }
 
 impl Panel {
@@ -253,6 +254,7 @@ impl Panel {
             x_range: None,
             y_range: None,
             y_scale: Scale::Linear,
+            x_names: Vec::new(),
         }
     }
 
@@ -296,6 +298,13 @@ impl Panel {
     #[must_use]
     pub fn with_y_range(mut self, low: f64, high: f64) -> Self {
         self.y_range = Some([low, high]);
+        self
+    }
+
+    /// Writes names at x = 1, 2, … instead of numbers.
+    #[must_use]
+    pub fn with_x_names(mut self, names: Vec<String>) -> Self {
+        self.x_names = names;
         self
     }
 

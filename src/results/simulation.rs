@@ -124,10 +124,10 @@ pub struct SweepRecord {
     pub misalignment_deg: f64,
     /// Factor on the prior 1σ of the drift coefficients.
     pub drift_factor: f64,
-    /// NEES over all states at the end.
+    /// NEES over all states at the end; null when a run diverged.
     pub nees: Option<Consistency>,
-    /// RMS error over the coefficients, °/h.
-    pub rms_error_deg_per_h: f64,
+    /// RMS error over the coefficients, °/h; null when a run diverged.
+    pub rms_error_deg_per_h: Option<f64>,
     /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
     pub rms_largest_misalignment_deg: f64,
 }
@@ -137,8 +137,8 @@ impl From<&SweepPoint> for SweepRecord {
         Self {
             misalignment_deg: point.size.misalignment_deg,
             drift_factor: point.size.drift_factor,
-            nees: point.nees,
-            rms_error_deg_per_h: point.rms_error_deg_per_h,
+            nees: point.nees.filter(|n| n.average.is_finite()),
+            rms_error_deg_per_h: finite(point.rms_error_deg_per_h),
             rms_largest_misalignment_deg: point.rms_largest_misalignment_deg,
         }
     }

@@ -257,7 +257,7 @@ impl DrawingBackend for Canvas {
         let down = match anchor.v_pos {
             VPos::Top => " dy=\"0.76em\"",
             VPos::Center => " dy=\"0.35em\"",
-            VPos::Bottom => "",
+            VPos::Bottom => " dy=\"-0.24em\"",
         };
         let (x, y) = (Px(at.0), Px(at.1));
         let turn = match style.transform() {

@@ -198,6 +198,10 @@ where
 {
     let ([x0, x1], [y0, y1]) = panel.ranges();
     let centred = Pos::new(HPos::Center, VPos::Center);
+    let x_tick = |v: &f64| match panel.x_names.is_empty() {
+        true => tick(*v, x1 - x0),
+        false => panel.name_at(*v).to_owned(),
+    };
     let y_tick = |v: &f64| match panel.y_scale {
         Scale::Linear => tick(*v, y1 - y0),
         Scale::Log => tick(*v, 10.0 * v),
@@ -210,9 +214,9 @@ where
         .label_style(text(FONT, centred))
         .axis_desc_style(text(FONT, centred))
         .set_all_tick_mark_size(units(5.0))
-        .x_labels(TICKS)
+        .x_labels(TICKS.max(panel.x_names.len() + 2))
         .y_labels(TICKS)
-        .x_label_formatter(&|v| tick(*v, x1 - x0))
+        .x_label_formatter(&x_tick)
         .y_label_formatter(&y_tick)
         .x_desc(panel.x_label.as_str())
         .draw()?;
@@ -387,6 +391,16 @@ impl Panel {
             (None, Scale::Log) => loose(extent(shown.map(f64::log10))).map(|v| 10.0_f64.powf(v)),
         };
         (wide(x), wide(y))
+    }
+
+    /// The name that stands at this place of the x axis, if one does.
+    fn name_at(&self, x: f64) -> &str {
+        let place = x.round();
+        let named = (x - place).abs() < 1e-6 && place >= 1.0;
+        let name = named
+            .then(|| self.x_names.get(place as usize - 1))
+            .flatten();
+        name.map_or("", String::as_str)
     }
 
     /// Whether a value has a place on the y axis.

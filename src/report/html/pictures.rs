@@ -250,13 +250,16 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> String {
 /// RMS of error over sigma of each coefficient, with the bounds of a consistent filter.
 pub(super) fn consistency(document: &SimulationDocument) -> String {
     let count = document.coefficients.len() as f64;
+    let names = document.coefficients.iter();
+    let names = names.map(|c| c.name.name().to_owned()).collect();
     let [low, high] = document.ratio_bounds;
     let top = document
         .coefficients
         .iter()
         .filter_map(|c| c.ratio)
         .fold(high.max(1.2), f64::max);
-    let mut panel = Panel::new("", "coefficient, D_FX to D_SZ", "RMS of error/σ")
+    let mut panel = Panel::new("", "coefficient", "RMS of error/σ")
+        .with_x_names(names)
         .with_x_range(0.0, count + 1.0)
         .with_y_range(0.0, 1.1 * top)
         .with_band(Band::new(

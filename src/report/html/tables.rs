@@ -305,10 +305,11 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> Table {
             p.schedule.positions.len().to_string(),
         ]
     });
-    let criterion = format!(
-        "criterion {}, {}",
-        score.criterion_name, score.criterion_unit
-    );
+    let unit = match score.criterion_unit.as_str() {
+        "1" => "",
+        _ => ", °/h",
+    };
+    let criterion = format!("criterion {}{unit}", score.criterion_name);
     Table::new(
         "The front: every point is a schedule that the stand can run",
         &[
@@ -405,7 +406,7 @@ pub(super) fn sweep(d: &SimulationDocument) -> Table {
             number(s.misalignment_deg),
             number(s.drift_factor),
             optional(s.nees, |n| number(n.average)),
-            number(s.rms_error_deg_per_h),
+            optional(s.rms_error_deg_per_h, number),
             number(s.rms_largest_misalignment_deg),
         ]
     });

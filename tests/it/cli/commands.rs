@@ -285,7 +285,7 @@ fn a_time_limit_gives_the_best_so_far() {
     let report = desk.done(&args);
     assert!(report.contains("time-limit"), "{report}");
     assert_eq!(desk.json("out/result.json")["status"], "time-limit");
-    assert_eq!(names(&desk.path("out")).len(), 3);
+    assert_eq!(names(&desk.path("out")).len(), 5);
 }
 
 #[test]
@@ -364,7 +364,7 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    assert_eq!(names(&desk.path("out")).len(), 3);
+    assert_eq!(names(&desk.path("out")).len(), 5);
 }
 
 #[test]
