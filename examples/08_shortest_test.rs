@@ -17,9 +17,9 @@ fn main() -> scheme_opt::Result<()> {
     let spec_deg_per_h = CoefficientVector::repeat(0.005);
     let problem = SearchProblem {
         // The longest acceptable.
-        total_time_s: 12_000.0,
-        max_positions: 12,
-        starts: 4,
+        total_time_s: 6000.0,
+        max_positions: 11,
+        starts: 2,
         ..SearchProblem::default()
     };
     let certifier = Certifier::new(&platform);
