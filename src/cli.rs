@@ -10,14 +10,20 @@
 mod analyze;
 mod args;
 mod bound;
+mod commands;
 mod compare;
+mod completions;
 mod evaluate;
 mod files;
 mod init;
 mod inputs;
+mod man;
 mod output;
+mod page;
 mod progress;
 mod report;
+mod schema;
+mod screen;
 mod search;
 mod simulate;
 mod standard;
@@ -100,5 +106,10 @@ fn dispatch(command: &Command) -> Result<Exit> {
         Command::Bound(args) => bound::run(args, output),
         Command::Init(args) => init::run(args, output),
         Command::Standard(args) => standard::run(args, output),
+        Command::Commands(args) => commands::run(args, output),
+        Command::Report(args) => page::run(args, output),
+        Command::Schema(args) => schema::run(args, output),
+        Command::Completions(args) => completions::run(args, output),
+        Command::Man(args) => man::run(args, output),
     }
 }

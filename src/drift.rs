@@ -42,6 +42,7 @@ pub type CoefficientVector = SVector<f64, COEFFICIENTS>;
 /// A drift coefficient, in the order of all vectors and matrices of this crate.
 #[allow(missing_docs, reason = "the variants are the coefficients' own names")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum DriftCoefficient {
     #[serde(rename = "D_FX")]
     FX,

@@ -91,7 +91,7 @@ pub struct Score {
 pub struct Evaluation {
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
-    /// Of which moves and settles, s.
+    /// Of which moves and settles, s, and what was done before an interruption.
     pub overhead_s: f64,
     /// Covariance at the end.
     pub end: EndCovariance,

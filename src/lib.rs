@@ -46,14 +46,16 @@
 //!
 //! Layers point one way: [`attitude`], [`units`], [`dynamics`] → [`drift`], [`platform`],
 //! [`schedule`], [`motion`] → [`covariance`], [`observability`] → [`criterion`], [`evaluate`] →
-//! [`search`], [`certificate`] (what no schedule can beat) → results and command line. The model
-//! never sees the search, nor the search the certificate, and the library never prints.
+//! [`search`], [`certificate`] (what no schedule can beat) → [`commands`] (for the stand),
+//! [`results`] and reports (feature `report`), command line (feature `cli`). The model never sees
+//! the search, nor the search the certificate, and the library never prints.
 
 pub mod attitude;
 pub mod baseline;
 pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod commands;
 pub mod compare;
 pub mod covariance;
 pub mod criterion;

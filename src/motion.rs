@@ -11,7 +11,8 @@
 //! Nothing precedes the first position of a schedule, unless the platform has a start attitude
 //! (`motion.start_deg`): then the move from there, and its settle, belong to the test. With
 //! `motion.return_to_start` the test ends with the unmeasured move back. A timeline holds start
-//! and return as legs of their own, which are held for no time.
+//! and return as legs of their own, which are held for no time; and so, with its dwells, what was
+//! done before an interruption ([`Platform::interrupted_after`]).
 
 mod equivalents;
 pub(crate) mod integral;
@@ -96,7 +97,8 @@ impl Leg {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     legs: Vec<Leg>,
-    /// Which of the legs are positions of the schedule: the rest is start and return.
+    /// Which of the legs are positions of the schedule: the rest is start, what was done before,
+    /// and return.
     positions: Range<usize>,
 }
 
@@ -142,6 +144,10 @@ impl Timeline {
         if let Some(start) = motion.start {
             let held = ScheduledPosition::new(start, 0.0);
             legs.push(Self::leg(platform, None, &held));
+        }
+        for p in platform.done.iter().flat_map(Schedule::positions) {
+            let from = legs.last().map(|leg| leg.position);
+            legs.push(Self::leg(platform, from, p));
         }
         let first = legs.len();
         for p in positions {
@@ -306,9 +312,14 @@ impl Timeline {
         self.legs.iter().map(Leg::duration_s).sum()
     }
 
-    /// Time spent in moves and settles, s.
+    /// Time that is not the schedule's own dwells, s: moves, settles, and what was done before it.
     pub fn overhead_s(&self) -> f64 {
-        self.legs.iter().map(|l| l.duration_s() - l.dwell_s).sum()
+        let done: f64 = self.legs[..self.positions.start]
+            .iter()
+            .map(|l| l.dwell_s)
+            .sum();
+        let moving: f64 = self.legs.iter().map(|l| l.duration_s() - l.dwell_s).sum();
+        moving + done
     }
 }
 

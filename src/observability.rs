@@ -48,6 +48,7 @@ use row_space::RowSpace;
 
 /// Observability order: the highest derivative of the measurement that a solution needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "u8", try_from = "u8")]
 pub enum Order {
     /// From the measurement itself.

@@ -10,13 +10,16 @@ use serde::{Deserialize, Serialize};
 use crate::attitude::{Position, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
+use crate::schedule::Schedule;
 use crate::units::{Angle, AngularRate};
 
 mod axis_value;
+mod interruption;
 pub use axis_value::{AxisValue, GSensitivePrior};
 
 /// Where the test stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct SiteConfig {
     /// Geographic latitude, degrees, −90 to 90.
@@ -25,6 +28,7 @@ pub struct SiteConfig {
 
 /// The accelerometers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct AccelerometerConfig {
     /// White noise, 1σ per sample and axis, g. Greater than zero.
@@ -33,6 +37,7 @@ pub struct AccelerometerConfig {
 
 /// The gyros' random drift; give one of the two, or none for the default of 0.01 °/h.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct GyroConfig {
     /// 1σ of the drift averaged over one filter period, °/h: PSD q = σ² · period.
@@ -45,6 +50,7 @@ pub struct GyroConfig {
 
 /// The Kalman filter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct FilterConfig {
     /// Filter period, s: one measurement per period.
@@ -53,6 +59,7 @@ pub struct FilterConfig {
 
 /// What is known before the test, 1σ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct PriorConfig {
     /// Misalignment ψ^n about North, Up, East, degrees.
@@ -65,6 +72,7 @@ pub struct PriorConfig {
 
 /// What the gimbals allow.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct GimbalsConfig {
     /// Range of α, degrees; none: unlimited rotation.
@@ -83,6 +91,7 @@ pub struct GimbalsConfig {
 
 /// How a change of position is modelled.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Repositioning {
     /// The gimbal angles move linearly in time and arrive together; ψ^n is continuous and the
@@ -96,6 +105,7 @@ pub enum Repositioning {
 
 /// How the platform moves between positions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct MotionConfig {
     /// Model of the change of position.
@@ -123,6 +133,7 @@ pub struct MotionConfig {
 /// The default is the seed paper's §3: L = 28.2°, accelerometer 1e-5 g, random drift 0.01 °/h,
 /// 10 s filter period, moves that take no time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct PlatformConfig {
     /// Where the test stands.
@@ -250,6 +261,8 @@ pub struct Platform {
     pub(crate) prior_drift_rad_per_s: CoefficientVector,
     pub(crate) gimbals: Gimbals,
     pub(crate) motion: Motion,
+    /// What of the test is over already.
+    pub(crate) done: Option<Schedule>,
 }
 
 impl Platform {
@@ -339,6 +352,7 @@ impl PlatformConfig {
             prior_drift_rad_per_s: self.prior.drift_rad_per_s()?,
             motion: self.motion.check(&gimbals)?,
             gimbals,
+            done: None,
         })
     }
 }

@@ -1,4 +1,10 @@
-//! Reports: pictures of what the other modules compute.
+//! Reports: what the other modules compute, as pictures, sentences and pages.
+//!
+//! [`html`] makes a self-contained page from a document; [`figure`] draws diagrams, [`curves`] the
+//! course of a simulated run; [`words`] and [`numbers`] are shared with the command line.
 
 pub mod curves;
 pub mod figure;
+pub mod html;
+pub mod numbers;
+pub mod words;

@@ -11,6 +11,9 @@ mod analysis;
 mod bound;
 mod comparison;
 mod layout;
+#[cfg(feature = "schema")]
+pub mod schema;
+mod schemes;
 mod simulation;
 
 use std::collections::BTreeMap;
@@ -40,6 +43,7 @@ pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
 pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
 };
+pub use schemes::{SCHEMES_SCHEMA, SchemeListDocument, SchemeRecord};
 pub use simulation::{
     SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment, SimulatedPosition,
     SimulationDocument, SweepRecord,
@@ -66,6 +70,7 @@ pub struct Inputs {
 
 /// All that is known of a schedule before the test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EvaluationDocument {
     /// [`EVALUATION_SCHEMA`].
     pub schema: String,
@@ -105,6 +110,7 @@ pub struct EvaluationDocument {
 
 /// The score: value = covariance_part + separability_part, lower is better.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ScoreRecord {
     /// The figure of merit; null when it is infinite.
     pub value: Option<f64>,
@@ -128,6 +134,7 @@ pub struct ScoreRecord {
 
 /// What the parts of the score weigh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ScoreWeights {
     /// Of ln(criterion).
     pub covariance: f64,
@@ -139,6 +146,7 @@ pub struct ScoreWeights {
 
 /// Accuracy of one misalignment angle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct MisalignmentRecord {
     /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
     pub name: String,
@@ -148,6 +156,7 @@ pub struct MisalignmentRecord {
 
 /// What the test tells about one drift coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CoefficientRecord {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -171,6 +180,7 @@ pub struct CoefficientRecord {
 
 /// What a schedule makes observable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ObservabilityRecord {
     /// Rank of the rows of all channels.
     pub rank: usize,
@@ -184,6 +194,7 @@ pub struct ObservabilityRecord {
 
 /// σ against time, and what each position contributed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ConvergenceRecord {
     /// Times since the start of the test, s.
     pub times_s: Vec<f64>,
@@ -195,6 +206,7 @@ pub struct ConvergenceRecord {
 
 /// What one position, its move and settle included, did for the accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PositionConvergenceRecord {
     /// Number of the position in the schedule, from 1; positions that take no time are left out.
     pub position: usize,
@@ -212,6 +224,7 @@ pub struct PositionConvergenceRecord {
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ResultDocument {
     /// [`RESULT_SCHEMA`].
     pub schema: String,
@@ -251,6 +264,7 @@ pub struct ResultDocument {
 
 /// One point of the front of total time against criterion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ParetoRecord {
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
@@ -279,6 +293,7 @@ impl From<&FrontPoint> for ParetoRecord {
 
 /// A standard scheme beside the schedule found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BaselineRecord {
     /// Name of the scheme.
     pub name: String,
@@ -297,6 +312,7 @@ pub struct BaselineRecord {
 
 /// A standard scheme that could not be compared.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SkippedBaseline {
     /// Name of the scheme.
     pub name: String,
@@ -306,6 +322,7 @@ pub struct SkippedBaseline {
 
 /// How much work a search did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CounterRecord {
     /// Values of schedules computed without gradient.
     pub evaluations: u64,
@@ -547,7 +564,7 @@ impl From<&Counters> for CounterRecord {
 }
 
 /// The baselines that could be run, beside `found`.
-fn compared(baselines: &[Baseline], found: &EvaluationDocument) -> Vec<BaselineRecord> {
+pub(crate) fn compared(baselines: &[Baseline], found: &EvaluationDocument) -> Vec<BaselineRecord> {
     let record = |b: &Baseline| {
         let accuracy = b.accuracy.as_ref().ok()?;
         Some(BaselineRecord {
@@ -563,7 +580,7 @@ fn compared(baselines: &[Baseline], found: &EvaluationDocument) -> Vec<BaselineR
 }
 
 /// The baselines that could not be run, and why.
-fn skipped(baselines: &[Baseline]) -> Vec<SkippedBaseline> {
+pub(crate) fn skipped(baselines: &[Baseline]) -> Vec<SkippedBaseline> {
     let record = |b: &Baseline| {
         b.accuracy.as_ref().err().map(|error| SkippedBaseline {
             name: b.scheme.name().to_owned(),

@@ -37,6 +37,7 @@ use crate::platform::{GyroConfig, Platform, PlatformConfig, in_range};
 ///
 /// The default is the embedded platform file: the seed paper's §3 at latitude 28.2°, 12 000 s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StudyConfig {
     /// The `[site]` … `[motion]` tables.
     #[serde(flatten)]

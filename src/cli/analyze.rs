@@ -3,27 +3,22 @@
 mod text;
 
 use crate::error::Result;
-use crate::motion::Timeline;
 use crate::observability::analysis::Analysis;
 use crate::results::AnalysisDocument;
-use crate::schedule::file;
 
 use super::Exit;
 use super::args::AnalyzeArgs;
-use super::inputs;
+use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 
 /// Runs the command.
 pub(super) fn run(args: &AnalyzeArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
-    let schedule = file::read(&args.schedule)?;
-    Timeline::new(study.platform(), &schedule).map_err(|e| {
-        // What the platform cannot do is about a position of the schedule.
-        match e.key() {
-            Some(key) if key.starts_with("positions") => e.with_file(&args.schedule),
-            _ => e,
-        }
-    })?;
+    let GivenSchedule {
+        study,
+        inputs,
+        schedule,
+        ..
+    } = inputs::given_schedule(&args.given, &args.common)?;
     let evaluator = study.evaluator();
     let evaluation = evaluator.evaluate(&schedule)?;
     let analysis = Analysis::new(&evaluator, &schedule, &evaluation)?;

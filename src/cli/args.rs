@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::commands::CommandTable;
+use crate::results::schema::DocumentKind;
 use crate::simulate::{FilterModel, TruthModel};
 use crate::study::{CriterionKind, Mode};
 
@@ -46,6 +48,16 @@ pub(super) enum Command {
     Init(InitArgs),
     /// List the built-in schemes, or write one
     Standard(StandardArgs),
+    /// Write what the stand is told to do, second by second, as CSV
+    Commands(CommandsArgs),
+    /// Write the report of a document, HTML
+    Report(ReportArgs),
+    /// List the documents, or write the JSON Schema of one
+    Schema(SchemaArgs),
+    /// Write completions for a shell to stdout
+    Completions(CompletionsArgs),
+    /// Write the manual
+    Man(ManArgs),
 }
 
 impl Command {
@@ -60,6 +72,10 @@ impl Command {
             Self::Bound(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
+            Self::Commands(a) => a.common.messages.quiet,
+            Self::Report(a) => a.messages.quiet,
+            Self::Schema(a) => a.messages.quiet,
+            Self::Completions(_) | Self::Man(_) => false,
         }
     }
 }
@@ -136,7 +152,7 @@ pub(super) struct SearchArgs {
     /// Platform file; without one, the built-in platform (see `init`)
     #[arg(value_name = "PLATFORM.toml")]
     pub platform: Option<PathBuf>,
-    /// Directory to write schedule.json, schedule.csv and result.json to
+    /// Directory to write schedule.json, schedule.csv, commands.csv, result.json and report.html to
     #[arg(short, long, value_name = "DIR", default_value = "scheme-opt-out")]
     pub output: PathBuf,
     /// How many starts the search makes
@@ -154,15 +170,25 @@ pub(super) struct SearchArgs {
     pub common: Common,
 }
 
-/// `evaluate`.
+/// A schedule, and the platform it is for.
 #[derive(Debug, Args)]
-pub(super) struct EvaluateArgs {
-    /// Schedule to score, JSON or CSV
+pub(super) struct Given {
+    /// Schedule, JSON or CSV
     #[arg(short, long, value_name = "FILE")]
     pub schedule: PathBuf,
     /// Platform file; without one, the built-in platform
     #[arg(short, long, value_name = "FILE")]
     pub platform: Option<PathBuf>,
+}
+
+/// `evaluate`.
+#[derive(Debug, Args)]
+pub(super) struct EvaluateArgs {
+    #[command(flatten)]
+    pub given: Given,
+    /// Write the report to this file too, HTML
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -170,25 +196,79 @@ pub(super) struct EvaluateArgs {
 /// `analyze`.
 #[derive(Debug, Args)]
 pub(super) struct AnalyzeArgs {
-    /// Schedule to analyse, JSON or CSV
-    #[arg(short, long, value_name = "FILE")]
-    pub schedule: PathBuf,
-    /// Platform file; without one, the built-in platform
-    #[arg(short, long, value_name = "FILE")]
-    pub platform: Option<PathBuf>,
+    #[command(flatten)]
+    pub given: Given,
     #[command(flatten)]
     pub common: Common,
+}
+
+/// `commands`.
+#[derive(Debug, Args)]
+pub(super) struct CommandsArgs {
+    #[command(flatten)]
+    pub given: Given,
+    /// Largest turn of a gimbal in one step of a move, degrees
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = CommandTable::DEFAULT_STEP_DEG,
+        allow_negative_numbers = true
+    )]
+    pub step_deg: f64,
+    /// File to write the table to, CSV [default: stdout]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// `report`.
+#[derive(Debug, Args)]
+pub(super) struct ReportArgs {
+    /// Document: result.json, or what evaluate, simulate or compare print with --json
+    #[arg(value_name = "DOCUMENT.json")]
+    pub document: PathBuf,
+    /// File to write; `-` for stdout
+    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub messages: Messages,
+}
+
+/// `schema`.
+#[derive(Debug, Args)]
+pub(super) struct SchemaArgs {
+    /// Document; without one, all are listed
+    #[arg(value_name = "WHICH", value_parser = documents())]
+    pub which: Option<DocumentKind>,
+    /// The list as JSON too
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub messages: Messages,
+}
+
+/// `completions`.
+#[derive(Debug, Args)]
+pub(super) struct CompletionsArgs {
+    /// Shell to write completions for
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+/// `man`.
+#[derive(Debug, Args)]
+pub(super) struct ManArgs {
+    /// Directory to write a page for every command to [default: one page on stdout]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
 }
 
 /// `simulate`.
 #[derive(Debug, Args)]
 pub(super) struct SimulateArgs {
-    /// Schedule to simulate, JSON or CSV
-    #[arg(short, long, value_name = "FILE")]
-    pub schedule: PathBuf,
-    /// Platform file; without one, the built-in platform
-    #[arg(short, long, value_name = "FILE")]
-    pub platform: Option<PathBuf>,
+    #[command(flatten)]
+    pub given: Given,
     /// How many runs, each with its own truth and noise
     #[arg(
         long,
@@ -200,6 +280,9 @@ pub(super) struct SimulateArgs {
     /// Directory to write simulation.json, curves.csv, curves.svg and errors.svg to
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Write the report to this file too, HTML
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
     /// Equations of the true platform
     #[arg(long, value_name = "MODEL", default_value = TruthModel::default().name(),
           value_parser = truths())]
@@ -242,6 +325,9 @@ pub(super) struct CompareArgs {
     /// Platform file; without one, the built-in platform
     #[arg(short, long, value_name = "FILE")]
     pub platform: Option<PathBuf>,
+    /// Write the report to this file too, HTML
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -310,6 +396,11 @@ fn modes() -> impl TypedValueParser<Value = Mode> {
 fn criteria() -> impl TypedValueParser<Value = CriterionKind> {
     PossibleValuesParser::new(CriterionKind::ALL.map(CriterionKind::name))
         .try_map(|name| CriterionKind::from_name(&name))
+}
+
+fn documents() -> impl TypedValueParser<Value = DocumentKind> {
+    PossibleValuesParser::new(DocumentKind::ALL.map(DocumentKind::name))
+        .try_map(|name| DocumentKind::from_name(&name))
 }
 
 fn truths() -> impl TypedValueParser<Value = TruthModel> {

@@ -2,6 +2,7 @@
 
 use crate::certificate::{Certifier, MinimumTime};
 use crate::error::Result;
+use crate::report::numbers;
 use crate::results::BoundDocument;
 use crate::study::Mode;
 
@@ -53,15 +54,15 @@ fn report(document: &BoundDocument) -> String {
         };
         text.push_str(&format!(
             "No schedule of {} s or less has a criterion {} below {}{unit}\n",
-            table::seconds(document.total_time_s),
+            numbers::seconds(document.total_time_s),
             document.criterion,
-            table::number(document.lower_bound),
+            numbers::number(document.lower_bound),
         ));
     }
     text.push_str(&format!(
         "No schedule of {} s or less has an RMS sigma below {} deg/h\n",
-        table::seconds(document.total_time_s),
-        table::number(document.rms_sigma_lower_bound_deg_per_h),
+        numbers::seconds(document.total_time_s),
+        numbers::number(document.rms_sigma_lower_bound_deg_per_h),
     ));
     if let Some(minimum) = &document.minimum_time {
         let mut letters = minimum.chars();

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::compare::{Contender, Order, Source, Terms, compare};
 use crate::error::Result;
+use crate::report::{html, numbers};
 use crate::results::{ComparedRecord, ComparisonDocument};
 use crate::schedule::file;
 use crate::schedule::standard::StandardScheme;
@@ -12,7 +13,7 @@ use super::Exit;
 use super::args::CompareArgs;
 use super::output::Output;
 use super::table::{self, Align};
-use super::{inputs, report};
+use super::{inputs, page, report};
 
 /// What a built-in scheme is called on the command line, before its name.
 const PREFIX: &str = "standard:";
@@ -35,6 +36,11 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
         true => document.to_json()?,
         false => text(&document),
     };
+    if !document.schedules.is_empty() {
+        page::write(args.report.as_deref(), output, || {
+            html::comparison(&document)
+        })?;
+    }
     output.data(&text)?;
     Ok(match document.schedules.is_empty() {
         true => Exit::NoSchedule,
@@ -74,7 +80,7 @@ fn text(document: &ComparisonDocument) -> String {
         text.push_str(&match document.total_time_s {
             Some(s) => format!(
                 "Schedules in {} s, ratios to the first\n\n",
-                table::seconds(s)
+                numbers::seconds(s)
             ),
             None => "Schedules as they are, ratios to the first\n\n".to_owned(),
         });
@@ -138,19 +144,19 @@ fn overview(document: &ComparisonDocument) -> String {
         let mut row = vec![
             label(&s.name, &s.order),
             s.positions.to_string(),
-            table::seconds(s.overhead_s),
-            table::number(s.rms_sigma_deg_per_h),
+            numbers::seconds(s.overhead_s),
+            numbers::number(s.rms_sigma_deg_per_h),
             ratio(s.ratio),
         ];
         if with_criterion {
-            row.push(table::number(s.criterion));
+            row.push(numbers::number(s.criterion));
             row.push(ratio(s.criterion_ratio));
         }
         row.push(format!("{:.4}", s.least_separability));
         if has_spec {
             row.push(
                 s.time_to_spec_s
-                    .map_or_else(|| "missed".to_owned(), table::seconds),
+                    .map_or_else(|| "missed".to_owned(), numbers::seconds),
             );
         }
         row
@@ -177,7 +183,7 @@ fn coefficients(document: &ComparisonDocument) -> String {
         let row = |s: &ComparedRecord| {
             let mut row = vec![label(&s.name, &s.order)];
             let sigma = s.coefficients[shown.clone()].iter();
-            row.extend(sigma.map(|c| table::number(1e3 * c.sigma_deg_per_h)));
+            row.extend(sigma.map(|c| numbers::number(1e3 * c.sigma_deg_per_h)));
             row
         };
         let rows = document.schedules.iter().map(row).collect();

@@ -1,26 +1,23 @@
 //! `evaluate`: scores a given schedule.
 
 use crate::error::Result;
-use crate::motion::Timeline;
+use crate::report::html;
 use crate::results::EvaluationDocument;
-use crate::schedule::file;
 
 use super::Exit;
 use super::args::EvaluateArgs;
+use super::inputs::{self, GivenSchedule};
 use super::output::Output;
-use super::{inputs, report};
+use super::{page, report};
 
 /// Runs the command.
 pub(super) fn run(args: &EvaluateArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
-    let schedule = file::read(&args.schedule)?;
-    let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
-        // What the platform cannot do is about a position of the schedule.
-        match e.key() {
-            Some(key) if key.starts_with("positions") => e.with_file(&args.schedule),
-            _ => e,
-        }
-    })?;
+    let GivenSchedule {
+        study,
+        inputs,
+        schedule,
+        timeline,
+    } = inputs::given_schedule(&args.given, &args.common)?;
     let evaluator = study.evaluator();
     let evaluation = evaluator.evaluate(&schedule)?;
     let document = EvaluationDocument::new(&evaluation, &schedule, evaluator.objective(), &inputs);
@@ -29,6 +26,9 @@ pub(super) fn run(args: &EvaluateArgs, output: Output) -> Result<Exit> {
     } else {
         report::evaluation(&document, study.platform(), &timeline)
     };
+    page::write(args.report.as_deref(), output, || {
+        html::evaluation(&document)
+    })?;
     output.data(&text)?;
     Ok(Exit::Done)
 }

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::motion::Timeline;
 use crate::results::Inputs;
+use crate::schedule::{Schedule, file};
 use crate::study::{Study, StudySource};
 
-use super::args::Common;
+use super::args::{Common, Given};
 
 /// A value of the study that an option may replace.
 struct Override {
@@ -73,6 +75,39 @@ pub(super) fn load(
         ),
     ];
     checked(source, &overrides)
+}
+
+/// A schedule that somebody gave, on the platform it is for.
+pub(super) struct GivenSchedule {
+    pub study: Study,
+    pub inputs: Inputs,
+    pub schedule: Schedule,
+    pub timeline: Timeline,
+}
+
+/// Reads platform and schedule, and puts the one on the other.
+pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSchedule> {
+    let (study, inputs) = load(given.platform.as_deref(), common, None)?;
+    let (schedule, timeline) = on_platform(&given.schedule, &study)?;
+    Ok(GivenSchedule {
+        study,
+        inputs,
+        schedule,
+        timeline,
+    })
+}
+
+/// The schedule of a file, resolved on the study's platform.
+pub(super) fn on_platform(path: &Path, study: &Study) -> Result<(Schedule, Timeline)> {
+    let schedule = file::read(path)?;
+    let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
+        // What the platform cannot do is about a position of the schedule.
+        match e.key() {
+            Some(key) if key.starts_with("positions") => e.with_file(path),
+            _ => e,
+        }
+    })?;
+    Ok((schedule, timeline))
 }
 
 /// The study of `platform` with another total time.

@@ -8,9 +8,11 @@ use indicatif::ProgressBar;
 
 use crate::baseline::baselines;
 use crate::certificate::Certifier;
+use crate::commands::CommandTable;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
+use crate::report::html;
 use crate::results::{CertificateRecord, Inputs, ResultDocument};
 use crate::schedule::file::{to_csv, to_json};
 use crate::search::front::front;
@@ -26,7 +28,13 @@ use super::progress::ProgressDisplay;
 use super::{inputs, report};
 
 /// What is written into the output directory.
-const FILES: [&str; 3] = ["schedule.json", "schedule.csv", "result.json"];
+const FILES: [&str; 5] = [
+    "schedule.json",
+    "schedule.csv",
+    "commands.csv",
+    "result.json",
+    "report.html",
+];
 
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
@@ -42,10 +50,14 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let document =
         inputs::thread_pool(&study)?.install(|| certified(document, &study, &evaluator, &outcome));
     let json = document.to_json()?;
+    let timeline = Timeline::new(study.platform(), &outcome.schedule)?;
+    let step_deg = CommandTable::DEFAULT_STEP_DEG;
     let contents = [
         to_json(&outcome.schedule),
         to_csv(&outcome.schedule),
+        CommandTable::new(study.platform(), &timeline, step_deg)?.to_csv(),
         json.clone(),
+        html::result(&document)?,
     ];
     let written: Vec<String> = files
         .commit(&contents)?
@@ -56,7 +68,6 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         output.message(&format!("written: {}", written.join(", ")));
         output.data(&json)?;
     } else {
-        let timeline = Timeline::new(study.platform(), &outcome.schedule)?;
         let text = report::search(&document, study.platform(), &timeline, &written);
         output.data(&text)?;
     }

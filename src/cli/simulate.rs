@@ -4,9 +4,8 @@ mod text;
 
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
-use crate::report::curves;
+use crate::report::{curves, html};
 use crate::results::SimulationDocument;
-use crate::schedule::file;
 use crate::simulate::{
     PriorSize, Simulation, SimulationOptions, SweepPoint, ToldNoise, Trajectory, sweep,
 };
@@ -15,8 +14,9 @@ use crate::study::Study;
 use super::Exit;
 use super::args::SimulateArgs;
 use super::files::OutputFiles;
-use super::inputs;
+use super::inputs::{self, GivenSchedule};
 use super::output::Output;
+use super::page;
 
 /// What is written into the output directory.
 const FILES: [&str; 4] = ["simulation.json", "curves.csv", "curves.svg", "errors.svg"];
@@ -28,15 +28,12 @@ const SWEPT_FACTORS: [f64; 7] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 
 /// Runs the command.
 pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
-    let schedule = file::read(&args.schedule)?;
-    let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
-        // What the platform cannot do is about a position of the schedule.
-        match e.key() {
-            Some(key) if key.starts_with("positions") => e.with_file(&args.schedule),
-            _ => e,
-        }
-    })?;
+    let GivenSchedule {
+        study,
+        inputs,
+        schedule,
+        timeline,
+    } = inputs::given_schedule(&args.given, &args.common)?;
     let options = SimulationOptions {
         truth: args.truth,
         filter: args.filter,
@@ -69,6 +66,9 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
         output.message(&format!("written: {}", names.join(", ")));
     }
+    page::write(args.report.as_deref(), output, || {
+        html::simulation(&document)
+    })?;
     output.data(&match args.common.json {
         true => json,
         false => text::simulation(&document, &swept),

@@ -1,9 +1,7 @@
 //! `standard`: lists the built-in schemes, or writes one.
 
-use serde::Serialize;
-
-use crate::error::{Error, Result};
-use crate::results::TOOL_VERSION;
+use crate::error::Result;
+use crate::results::SchemeListDocument;
 use crate::schedule::file::{to_csv, to_json};
 use crate::schedule::standard::StandardScheme;
 
@@ -17,7 +15,7 @@ use super::{inputs, table};
 pub(super) fn run(args: &StandardArgs, output: Output) -> Result<Exit> {
     match &args.name {
         Some(name) => write(name, args, output)?,
-        None if args.json => output.data(&list_as_json()?)?,
+        None if args.json => output.data(&SchemeListDocument::new().to_json()?)?,
         None => output.data(&table::schemes())?,
     }
     Ok(Exit::Done)
@@ -49,35 +47,4 @@ fn format(args: &StandardArgs) -> Format {
         }
         _ => Format::Json,
     }
-}
-
-/// The list as a document.
-#[derive(Serialize)]
-struct SchemeList {
-    schema: &'static str,
-    tool_version: &'static str,
-    schemes: Vec<SchemeRecord>,
-}
-
-#[derive(Serialize)]
-struct SchemeRecord {
-    name: &'static str,
-    positions: usize,
-    description: &'static str,
-}
-
-fn list_as_json() -> Result<String> {
-    let record = |scheme: StandardScheme| SchemeRecord {
-        name: scheme.name(),
-        positions: scheme.positions().len(),
-        description: scheme.description(),
-    };
-    let list = SchemeList {
-        schema: "scheme-opt/standard/1",
-        tool_version: TOOL_VERSION,
-        schemes: StandardScheme::ALL.into_iter().map(record).collect(),
-    };
-    serde_json::to_string_pretty(&list)
-        .map(|text| text + "\n")
-        .map_err(|e| Error::numerical(format!("the list cannot be written as JSON: {e}")))
 }

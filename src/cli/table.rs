@@ -1,46 +1,16 @@
-//! Tables and numbers for people, at most 80 columns wide.
+//! Tables for people: as wide as the terminal allows, 80 columns where there is none.
 
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ContentArrangement, Table};
 
+use super::screen::Screen;
+
 use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
+use crate::report::numbers::{number, optional, seconds};
+use crate::results::schema::DocumentKind;
 use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
-
-/// The widest table, columns.
-const WIDTH: u16 = 80;
-
-/// A number with four significant digits.
-pub(super) fn number(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    if !value.is_finite() {
-        return "-".to_owned();
-    }
-    let exponent = value.abs().log10().floor();
-    if (-5.0..6.0).contains(&exponent) {
-        let decimals = (3.0 - exponent).max(0.0) as usize;
-        format!("{value:.decimals$}")
-    } else {
-        format!("{value:.3e}")
-    }
-}
-
-/// A duration in seconds: whole, or to the tenth.
-pub(super) fn seconds(value: f64) -> String {
-    if (value - value.round()).abs() < 0.05 {
-        format!("{value:.0}")
-    } else {
-        format!("{value:.1}")
-    }
-}
-
-/// A value that may be missing.
-fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
-    value.map_or_else(|| "-".to_owned(), show)
-}
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,14 +30,22 @@ pub(super) fn render<const N: usize>(
 
 /// The same for a number of columns that depends on what there is to show.
 pub(super) fn render_rows(columns: &[(&str, Align)], rows: Vec<Vec<String>>) -> String {
+    let screen = Screen::of_stdout();
     let mut table = Table::new();
     table
         .load_style(ASCII_MARKDOWN)
-        .force_no_tty()
         .set_content_arrangement(ContentArrangement::Dynamic)
-        .set_width(WIDTH);
-    table.set_header(columns.iter().map(|(name, _)| *name));
-    table.add_rows(rows);
+        .set_width(screen.width);
+    if screen.color {
+        table.enforce_styling();
+    } else {
+        table.force_no_tty();
+    }
+    table.set_header(columns.iter().map(|(name, _)| screen.heading(name)));
+    table.add_rows(
+        rows.into_iter()
+            .map(|row| row.into_iter().map(|cell| screen.cell(cell))),
+    );
     for (i, (_, align)) in columns.iter().enumerate() {
         if let Some(column) = table.column_mut(i)
             && *align == Right
@@ -302,24 +280,8 @@ pub(super) fn schemes() -> String {
     render(columns, rows.to_vec())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_four_digits() {
-        for (value, text) in [
-            (0.000_905_34, "0.0009053"),
-            (15.0, "15.00"),
-            (12_000.0, "12000"),
-            (1.0e-7, "1.000e-7"),
-            (0.0, "0"),
-            (f64::INFINITY, "-"),
-            (-3.5, "-3.500"),
-        ] {
-            assert_eq!(number(value), text);
-        }
-        assert_eq!(seconds(120.0), "120");
-        assert_eq!(seconds(119.26), "119.3");
-    }
+/// The documents that have a JSON Schema.
+pub(super) fn documents() -> String {
+    let rows = DocumentKind::ALL.map(|d| [d.name().to_owned(), d.description().to_owned()]);
+    render([("name", Left), ("document", Left)], rows.to_vec())
 }

@@ -113,7 +113,7 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
             if all.is_empty() { vec![*p] } else { all }
         })
         .collect();
-    let start = platform.motion().start;
+    let start = platform.standing();
     let back = platform.motion().return_to_start;
     match (start, back) {
         // A return to the first position: each of its triples is a problem of its own.
@@ -125,7 +125,7 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
             let best = ways.reduce(|best, way| if way.0 < best.0 { way } else { best });
             best.map_or_else(|| positions.to_vec(), |(_, way)| way)
         }
-        _ => quickest(platform, &options, start, start.filter(|_| back)).1,
+        _ => quickest(platform, &options, start, platform.home().filter(|_| back)).1,
     }
 }
 

@@ -18,6 +18,7 @@ pub(crate) const UNKNOWNS: usize = COEFFICIENTS + 1;
 
 /// A channel of the reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
     /// ε_x^n, from Ż (15): order 1.

@@ -25,6 +25,7 @@ macro_rules! number_visits {
 
 /// A number for all three axes, or `[x, y, z]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum AxisValue {
     /// The same for x, y, z.
@@ -75,6 +76,7 @@ impl<'de> Deserialize<'de> for AxisValue {
 
 /// Prior of the g-sensitive drifts: one value for all, or by the gyro's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum GSensitivePrior {
     /// The same for D_I, D_O and D_S.

@@ -2,8 +2,9 @@
 //!
 //! Made for print and for everybody's eyes: dark lines on white, the colours of Okabe and Ito
 //! (*Color Universal Design*, 2008), and a dash pattern for every colour, so that nothing depends
-//! on telling colours apart. Lines are thinned to what a tenth of a pixel shows, which keeps a
-//! picture of nine panels within some 50 kB.
+//! on telling colours apart. The plotting crate (plotters) lays out axes, ticks, grid and marks;
+//! lines are thinned to what a tenth of a pixel shows, which keeps a picture of nine panels within
+//! some 50 kB.
 //!
 //! ```
 //! use scheme_opt::report::figure::{Curve, Figure, Panel, Style};
@@ -13,13 +14,11 @@
 //! assert!(svg.starts_with("<svg") && svg.contains("height, m"));
 //! ```
 
-mod axis;
+pub(crate) mod canvas;
+pub(crate) mod draw;
 mod thin;
 
-use std::fmt::Write;
-
-use axis::Axis;
-use thin::thinned;
+use plotters::style::RGBColor;
 
 /// A colour of Okabe and Ito's palette, as far as it is dark enough for a line on white.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,18 +37,21 @@ pub enum Color {
     Orange,
     /// #56B4E9
     SkyBlue,
+    /// #777777
+    Grey,
 }
 
 impl Color {
-    const fn hex(self) -> &'static str {
+    pub(crate) const fn rgb(self) -> RGBColor {
         match self {
-            Self::Black => "#000000",
-            Self::Blue => "#0072B2",
-            Self::Vermillion => "#D55E00",
-            Self::Green => "#009E73",
-            Self::Purple => "#CC79A7",
-            Self::Orange => "#E69F00",
-            Self::SkyBlue => "#56B4E9",
+            Self::Black => RGBColor(0, 0, 0),
+            Self::Blue => RGBColor(0, 0x72, 0xB2),
+            Self::Vermillion => RGBColor(0xD5, 0x5E, 0),
+            Self::Green => RGBColor(0, 0x9E, 0x73),
+            Self::Purple => RGBColor(0xCC, 0x79, 0xA7),
+            Self::Orange => RGBColor(0xE6, 0x9F, 0),
+            Self::SkyBlue => RGBColor(0x56, 0xB4, 0xE9),
+            Self::Grey => RGBColor(0x77, 0x77, 0x77),
         }
     }
 }
@@ -148,6 +150,76 @@ impl Band {
     }
 }
 
+/// What a mark looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// A filled circle.
+    Dot,
+    /// A filled diamond.
+    Diamond,
+    /// A cross.
+    Cross,
+}
+
+/// A point with a title that shows on hover.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    at: [f64; 2],
+    shape: Shape,
+    color: Color,
+    title: String,
+}
+
+impl Mark {
+    /// A mark at (x, y).
+    pub fn new(at: [f64; 2], shape: Shape, color: Color, title: impl Into<String>) -> Self {
+        Self {
+            at,
+            shape,
+            color,
+            title: title.into(),
+        }
+    }
+}
+
+/// A stretch of x over the whole height, with a title that shows on hover.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    range: [f64; 2],
+    color: Option<Color>,
+    title: String,
+    text: String,
+}
+
+impl Span {
+    /// From `range[0]` to `range[1]`; without a colour it only has its title.
+    pub fn new(range: [f64; 2], color: Option<Color>, title: impl Into<String>) -> Self {
+        Self {
+            range,
+            color,
+            title: title.into(),
+            text: String::new(),
+        }
+    }
+
+    /// Writes a word or a number at its top.
+    #[must_use]
+    pub fn with_text(mut self, text: impl Into<String>) -> Self {
+        self.text = text.into();
+        self
+    }
+}
+
+/// How values are spread along an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// By their logarithm; what is not positive is left out.
+    Log,
+}
+
 /// One diagram.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
@@ -156,8 +228,12 @@ pub struct Panel {
     y_label: String,
     curves: Vec<Curve>,
     bands: Vec<Band>,
+    marks: Vec<Mark>,
+    spans: Vec<Span>,
     x_range: Option<[f64; 2]>,
     y_range: Option<[f64; 2]>,
+    y_scale: Scale,
+    x_names: Vec<String>,
 }
 
 impl Panel {
@@ -173,8 +249,12 @@ impl Panel {
             y_label: y_label.into(),
             curves: Vec::new(),
             bands: Vec::new(),
+            marks: Vec::new(),
+            spans: Vec::new(),
             x_range: None,
             y_range: None,
+            y_scale: Scale::Linear,
+            x_names: Vec::new(),
         }
     }
 
@@ -192,31 +272,47 @@ impl Panel {
         self
     }
 
-    /// Shows x from `low` to `high`; without it, the range of the curves.
+    /// Adds a mark, on top of all curves.
+    #[must_use]
+    pub fn with_mark(mut self, mark: Mark) -> Self {
+        self.marks.push(mark);
+        self
+    }
+
+    /// Adds a span, behind everything else.
+    #[must_use]
+    pub fn with_span(mut self, span: Span) -> Self {
+        self.spans.push(span);
+        self
+    }
+
+    /// Shows x from `low` to `high`; without it, the range of the curves and marks.
     #[must_use]
     pub fn with_x_range(mut self, low: f64, high: f64) -> Self {
         self.x_range = Some([low, high]);
         self
     }
 
-    /// Shows y from `low` to `high`; without it, the range of the curves (bands are cut off).
+    /// Shows y from `low` to `high`; without it, the range of the curves and marks (bands are cut
+    /// off).
     #[must_use]
     pub fn with_y_range(mut self, low: f64, high: f64) -> Self {
         self.y_range = Some([low, high]);
         self
     }
 
-    fn axes(&self) -> (Axis, Axis) {
-        let points = || self.curves.iter().flat_map(|c| &c.points);
-        let x = match self.x_range {
-            Some([low, high]) => Axis::tight([low, high].into_iter()),
-            None => Axis::tight(points().map(|p| p[0])),
-        };
-        let y = match self.y_range {
-            Some([low, high]) => Axis::tight([low, high].into_iter()),
-            None => Axis::loose(points().map(|p| p[1])),
-        };
-        (x, y)
+    /// Writes names at x = 1, 2, … instead of numbers.
+    #[must_use]
+    pub fn with_x_names(mut self, names: Vec<String>) -> Self {
+        self.x_names = names;
+        self
+    }
+
+    /// Spreads y by this scale.
+    #[must_use]
+    pub fn with_y_scale(mut self, scale: Scale) -> Self {
+        self.y_scale = scale;
+        self
     }
 }
 
@@ -226,17 +322,10 @@ pub struct Figure {
     columns: usize,
     title: Option<String>,
     panels: Vec<Panel>,
+    panel_size: [f64; 2],
+    label: String,
+    id: String,
 }
-
-/// Sizes, pixels.
-const CELL: [f64; 2] = [300.0, 205.0];
-const LEFT: f64 = 62.0;
-const RIGHT: f64 = 18.0;
-const TOP: f64 = 26.0;
-const BOTTOM: f64 = 38.0;
-const TITLE: f64 = 26.0;
-const LEGEND: f64 = 26.0;
-const FONT: f64 = 11.0;
 
 impl Figure {
     /// An empty figure with that many panels in a row (at least one).
@@ -245,6 +334,9 @@ impl Figure {
             columns: columns.max(1),
             title: None,
             panels: Vec::new(),
+            panel_size: [300.0, 205.0],
+            label: String::new(),
+            id: String::new(),
         }
     }
 
@@ -262,224 +354,31 @@ impl Figure {
         self
     }
 
+    /// Makes every panel this large, pixels, instead of 300 by 205.
+    #[must_use]
+    pub fn with_panel_size(mut self, width: f64, height: f64) -> Self {
+        self.panel_size = [width, height];
+        self
+    }
+
+    /// Says in words what the figure shows, for those who do not see it.
+    #[must_use]
+    pub fn with_label(mut self, label: impl Into<String>) -> Self {
+        self.label = label.into();
+        self
+    }
+
+    /// Sets what the identifiers inside begin with: two figures of one page need their own.
+    #[must_use]
+    pub fn with_id(mut self, id: impl Into<String>) -> Self {
+        self.id = id.into();
+        self
+    }
+
     /// The figure as an SVG document.
     pub fn to_svg(&self) -> String {
-        let columns = self.columns.min(self.panels.len().max(1));
-        let rows = self.panels.len().div_ceil(columns);
-        let head = LEGEND + self.title.as_ref().map_or(0.0, |_| TITLE);
-        let width = CELL[0] * columns as f64;
-        let height = head + CELL[1] * rows as f64;
-        let mut svg = Svg(String::new());
-        svg.line(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-             width=\"{width}\" height=\"{height}\" font-family=\"Helvetica, Arial, sans-serif\" \
-             font-size=\"{FONT}\">"
-        ));
-        svg.line(format_args!(
-            "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>"
-        ));
-        if let Some(title) = &self.title {
-            svg.line(format_args!(
-                "<text x=\"{}\" y=\"18\" text-anchor=\"middle\" font-size=\"14\">{}</text>",
-                0.5 * width,
-                escaped(title)
-            ));
-        }
-        self.legend(&mut svg, head - LEGEND, width);
-        for (i, panel) in self.panels.iter().enumerate() {
-            let x = CELL[0] * (i % columns) as f64;
-            let y = head + CELL[1] * (i / columns) as f64;
-            svg.line(format_args!("<g transform=\"translate({x} {y})\">"));
-            draw_panel(&mut svg, panel, i);
-            svg.line(format_args!("</g>"));
-        }
-        svg.line(format_args!("</svg>"));
-        svg.0
+        draw::figure(self)
     }
-
-    /// Every label once, in the order of appearance.
-    fn legend(&self, svg: &mut Svg, y: f64, width: f64) {
-        let mut entries: Vec<(&str, Sample)> = Vec::new();
-        for panel in &self.panels {
-            let curves = panel
-                .curves
-                .iter()
-                .map(|c| (c.label.as_str(), Sample::Line(c.style)));
-            let bands = panel
-                .bands
-                .iter()
-                .map(|b| (b.label.as_str(), Sample::Area(b.color)));
-            for (label, sample) in curves.chain(bands) {
-                if !entries.iter().any(|(known, _)| *known == label) {
-                    entries.push((label, sample));
-                }
-            }
-        }
-        // About 6 px a character at this size, 34 px of sample, 20 px of space.
-        let length = |label: &str| 54.0 + 6.0 * label.chars().count() as f64;
-        let total: f64 = entries.iter().map(|(label, _)| length(label)).sum();
-        let mut x = 0.5 * (width - total).max(0.0) + 10.0;
-        let middle = y + 0.5 * LEGEND;
-        for (label, sample) in entries {
-            sample.draw(svg, x, middle);
-            svg.line(format_args!(
-                "<text x=\"{}\" y=\"{}\">{}</text>",
-                x + 34.0,
-                middle + 4.0,
-                escaped(label)
-            ));
-            x += length(label);
-        }
-    }
-}
-
-/// What stands before a label of the legend.
-#[derive(Clone, Copy)]
-enum Sample {
-    Line(Style),
-    Area(Color),
-}
-
-impl Sample {
-    fn draw(self, svg: &mut Svg, x: f64, y: f64) {
-        match self {
-            Self::Line(style) => {
-                svg.line(format_args!("<path d=\"M{x} {y}h28\"{}/>", stroke(&style)))
-            }
-            Self::Area(color) => svg.line(format_args!(
-                "<rect x=\"{x}\" y=\"{}\" width=\"28\" height=\"10\" fill=\"{}\" \
-                 fill-opacity=\"0.25\"/>",
-                y - 5.0,
-                color.hex()
-            )),
-        }
-    }
-}
-
-fn stroke(style: &Style) -> String {
-    format!(
-        " fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-linejoin=\"round\"{}",
-        style.color.hex(),
-        style.width,
-        style.dash.array()
-    )
-}
-
-/// The text of the document.
-struct Svg(String);
-
-impl Svg {
-    fn line(&mut self, text: std::fmt::Arguments<'_>) {
-        // Writing to a string cannot fail.
-        let _ = self.0.write_fmt(text);
-        self.0.push('\n');
-    }
-}
-
-fn draw_panel(svg: &mut Svg, panel: &Panel, index: usize) {
-    let (width, height) = (CELL[0] - LEFT - RIGHT, CELL[1] - TOP - BOTTOM);
-    let (x_axis, y_axis) = panel.axes();
-    let x = |v: f64| LEFT + width * x_axis.fraction(v);
-    let y = |v: f64| TOP + height * (1.0 - y_axis.fraction(v));
-    draw_grid(svg, &x_axis, &y_axis);
-    svg.line(format_args!(
-        "<clipPath id=\"c{index}\"><rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" \
-         height=\"{height}\"/></clipPath><g clip-path=\"url(#c{index})\">"
-    ));
-    // Far outside the frame nothing can be seen, and huge coordinates confuse viewers.
-    let clipped = |v: f64| y(v).clamp(TOP - height, TOP + 2.0 * height);
-    for band in &panel.bands {
-        let finite = || {
-            band.points
-                .iter()
-                .filter(|p| p.iter().all(|v| v.is_finite()))
-        };
-        let low: Vec<[f64; 2]> = finite().map(|p| [x(p[0]), clipped(p[1])]).collect();
-        let high: Vec<[f64; 2]> = finite().map(|p| [x(p[0]), clipped(p[2])]).collect();
-        let mut outline = thinned(&low);
-        outline.extend(thinned(&high).into_iter().rev());
-        svg.line(format_args!(
-            "<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.25\"/>",
-            path(&outline),
-            band.color.hex()
-        ));
-    }
-    for curve in &panel.curves {
-        let pieces = curve.points.split(|p| p.iter().any(|v| !v.is_finite()));
-        let data: String = pieces
-            .map(|piece| {
-                let line: Vec<[f64; 2]> = piece.iter().map(|p| [x(p[0]), clipped(p[1])]).collect();
-                path(&thinned(&line))
-            })
-            .collect();
-        svg.line(format_args!("<path d=\"{data}\"{}/>", stroke(&curve.style)));
-    }
-    svg.line(format_args!("</g>"));
-    svg.line(format_args!(
-        "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" height=\"{height}\" fill=\"none\" \
-         stroke=\"#333\"/>"
-    ));
-    draw_labels(svg, panel);
-}
-
-fn draw_grid(svg: &mut Svg, x_axis: &Axis, y_axis: &Axis) {
-    let (width, height) = (CELL[0] - LEFT - RIGHT, CELL[1] - TOP - BOTTOM);
-    let bottom = TOP + height;
-    for (value, text) in x_axis.ticks() {
-        let x = LEFT + width * x_axis.fraction(value);
-        svg.line(format_args!(
-            "<path d=\"M{x:.1} {TOP}v{height}\" stroke=\"#ddd\"/>\
-             <text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{text}</text>",
-            bottom + 14.0
-        ));
-    }
-    for (value, text) in y_axis.ticks() {
-        let y = TOP + height * (1.0 - y_axis.fraction(value));
-        svg.line(format_args!(
-            "<path d=\"M{LEFT} {y:.1}h{width}\" stroke=\"#ddd\"/>\
-             <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
-            LEFT - 5.0,
-            y + 4.0
-        ));
-    }
-}
-
-fn draw_labels(svg: &mut Svg, panel: &Panel) {
-    let middle = LEFT + 0.5 * (CELL[0] - LEFT - RIGHT);
-    let centre = TOP + 0.5 * (CELL[1] - TOP - BOTTOM);
-    svg.line(format_args!(
-        "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\" font-weight=\"bold\">{}</text>",
-        TOP - 8.0,
-        escaped(&panel.title)
-    ));
-    svg.line(format_args!(
-        "<text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-        CELL[1] - 8.0,
-        escaped(&panel.x_label)
-    ));
-    svg.line(format_args!(
-        "<text transform=\"translate(12 {centre}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-        escaped(&panel.y_label)
-    ));
-}
-
-/// `M x y L x y …`, to the tenth of a pixel.
-fn path(points: &[[f64; 2]]) -> String {
-    let mut data = String::new();
-    for (i, [x, y]) in points.iter().enumerate() {
-        let command = if i == 0 { 'M' } else { 'L' };
-        // Writing to a string cannot fail.
-        let _ = write!(data, "{command}{x:.1} {y:.1}");
-    }
-    data
-}
-
-/// Text with the characters that mean something in XML replaced.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -24,6 +24,7 @@ pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";
 /// What a schedule makes observable, and why. Positions are numbered from 1; orders are 0, 1, 2,
 /// null for what is not observable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AnalysisDocument {
     /// [`ANALYSIS_SCHEMA`].
     pub schema: String,
@@ -62,6 +63,7 @@ pub struct AnalysisDocument {
 
 /// Order of a state, or of a combination of states.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StateRecord {
     /// `psi_nx` … `eps_nz - omega_N psi_ny`.
     pub name: String,
@@ -73,6 +75,7 @@ pub struct StateRecord {
 
 /// Order, separability and reconstruction of a coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AnalysedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -98,6 +101,7 @@ pub struct AnalysedCoefficient {
 
 /// A coefficient as a weighted sum of what the channels tell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ReconstructionRecord {
     /// Channels that occur: x is eps_nx, z is eps_nz − ω_N psi_ny, y is eps_ny.
     pub channels: Vec<Channel>,
@@ -113,6 +117,7 @@ pub struct ReconstructionRecord {
 
 /// One term of a reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct TermRecord {
     /// Number of the position, from 1.
     pub position: usize,
@@ -127,6 +132,7 @@ pub struct TermRecord {
 
 /// What one position shows by itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AnalysedPosition {
     /// Outer angle α, degrees.
     pub alpha_deg: f64,
@@ -144,6 +150,7 @@ pub struct AnalysedPosition {
 
 /// What a channel shows at a position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SeenRecord {
     /// The channel.
     pub channel: Channel,
@@ -157,6 +164,7 @@ pub struct SeenRecord {
 
 /// Ranks, condition, what cannot be told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AnalysedObservability {
     /// Rank of the rows of all channels.
     pub rank: usize,
@@ -176,6 +184,7 @@ pub struct AnalysedObservability {
 
 /// The strongest correlations between coefficients, by size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Correlations {
     /// Between the estimates, by the filter's P_D.
     pub estimates: Vec<CorrelationRecord>,
@@ -185,6 +194,7 @@ pub struct Correlations {
 
 /// A correlation of two coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CorrelationRecord {
     /// One coefficient.
     pub a: DriftCoefficient,
@@ -196,6 +206,7 @@ pub struct CorrelationRecord {
 
 /// A combination, how well it is known, and through what.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct WeakRecord {
     /// Its name, small parts left out.
     pub name: String,
@@ -213,6 +224,7 @@ pub struct WeakRecord {
 
 /// Piecewise-constant (Lie-derivative) observability matrix in rad and s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PiecewiseConstantRecord {
     /// Its units.
     pub units: String,
@@ -226,6 +238,7 @@ pub struct PiecewiseConstantRecord {
 
 /// The position to add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SuggestionRecord {
     /// What it is to separate, by name.
     pub target: Vec<String>,
@@ -245,6 +258,7 @@ pub struct SuggestionRecord {
 
 /// How a schedule stands.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StandingRecord {
     /// Duration of the test, s.
     pub total_time_s: f64,

@@ -18,6 +18,7 @@ pub const BOUND_SCHEMA: &str = "scheme-opt/bound/1";
 
 /// What no schedule can beat.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BoundDocument {
     /// [`BOUND_SCHEMA`].
     pub schema: String,
@@ -62,6 +63,7 @@ pub struct BoundDocument {
 
 /// One number for each channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DeltaRecord {
     /// North.
     pub x: f64,
@@ -147,6 +149,7 @@ fn in_words(time: MinimumTime) -> String {
 
 /// How far the schedule found is from the best possible.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CertificateRecord {
     /// `a`, `d`, `e`, `max-ratio`; in mode `time`, `total-time`.
     pub criterion: String,
@@ -190,7 +193,9 @@ impl CertificateRecord {
         }
     }
 
-    fn of_criterion(
+    /// The certificate of a schedule that reached `achieved` by the criterion of `objective`, in
+    /// `total_time_s`. Where a bound cannot be computed the record says so.
+    pub fn of_criterion(
         certifier: &Certifier,
         objective: &Objective,
         total_time_s: f64,

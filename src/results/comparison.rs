@@ -17,6 +17,7 @@ pub const COMPARISON_SCHEMA: &str = "scheme-opt/comparison/1";
 
 /// Schedules side by side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ComparisonDocument {
     /// [`COMPARISON_SCHEMA`].
     pub schema: String,
@@ -41,6 +42,7 @@ pub struct ComparisonDocument {
 
 /// What one schedule reaches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ComparedRecord {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
@@ -80,6 +82,7 @@ pub struct ComparedRecord {
 
 /// What one schedule tells about one coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ComparedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -98,6 +101,7 @@ pub struct ComparedCoefficient {
 
 /// A schedule that could not be compared.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SkippedContender {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,

@@ -17,6 +17,7 @@ pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
 
 /// What many simulated runs of a test show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulationDocument {
     /// [`SIMULATION_SCHEMA`].
     pub schema: String,
@@ -73,6 +74,7 @@ pub struct SimulationDocument {
 
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -88,6 +90,7 @@ pub struct SimulatedCoefficient {
 
 /// Errors of one misalignment angle at the end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedMisalignment {
     /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
     pub name: String,
@@ -103,6 +106,7 @@ pub struct SimulatedMisalignment {
 
 /// Consistency when a position is left.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulatedPosition {
     /// Time, s.
     pub end_s: f64,
@@ -114,15 +118,16 @@ pub struct SimulatedPosition {
 
 /// Consistency for one size of the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SweepRecord {
     /// Prior 1σ of the misalignment about each axis, degrees.
     pub misalignment_deg: f64,
     /// Factor on the prior 1σ of the drift coefficients.
     pub drift_factor: f64,
-    /// NEES over all states at the end.
+    /// NEES over all states at the end; null when a run diverged.
     pub nees: Option<Consistency>,
-    /// RMS error over the coefficients, °/h.
-    pub rms_error_deg_per_h: f64,
+    /// RMS error over the coefficients, °/h; null when a run diverged.
+    pub rms_error_deg_per_h: Option<f64>,
     /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
     pub rms_largest_misalignment_deg: f64,
 }
@@ -132,8 +137,8 @@ impl From<&SweepPoint> for SweepRecord {
         Self {
             misalignment_deg: point.size.misalignment_deg,
             drift_factor: point.size.drift_factor,
-            nees: point.nees,
-            rms_error_deg_per_h: point.rms_error_deg_per_h,
+            nees: point.nees.filter(|n| n.average.is_finite()),
+            rms_error_deg_per_h: finite(point.rms_error_deg_per_h),
             rms_largest_misalignment_deg: point.rms_largest_misalignment_deg,
         }
     }

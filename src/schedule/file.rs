@@ -64,10 +64,11 @@ const REQUIRED_COLUMNS: usize = 4;
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ScheduleDocument {
     /// Name and major version of the document, [`SCHEMA`].
-    #[serde(default = "schema")]
+    #[serde(default = "current_schema")]
     pub schema: String,
     /// Version of the program that wrote it; not looked at when reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -76,12 +77,13 @@ pub struct ScheduleDocument {
     pub positions: Vec<PositionRecord>,
 }
 
-fn schema() -> String {
+fn current_schema() -> String {
     SCHEMA.to_owned()
 }
 
 /// One position of a schedule file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PositionRecord {
     /// Outer angle α, degrees, −36000 to 36000.
@@ -129,7 +131,7 @@ impl From<&PositionRecord> for ScheduledPosition {
 impl From<&Schedule> for ScheduleDocument {
     fn from(schedule: &Schedule) -> Self {
         Self {
-            schema: schema(),
+            schema: current_schema(),
             tool_version: None,
             positions: schedule.positions().iter().map(Into::into).collect(),
         }

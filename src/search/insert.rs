@@ -181,7 +181,7 @@ pub(super) fn detour_s(platform: &Platform, plan: &Plan, gap: usize, position: P
         change.iter().fold(0.0_f64, |max, c| max.max(c.abs())) / rate
     };
     let at = |k: usize| plan.angles.get(k).map(|a| Position::from_array(*a));
-    let before = gap.checked_sub(1).map_or(motion.start, at);
+    let before = gap.checked_sub(1).map_or(platform.standing(), at);
     let after = at(gap);
     let to = before.map_or(0.0, |b| way(b, position));
     let on = after.map_or(0.0, |a| way(position, a));

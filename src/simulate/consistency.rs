@@ -16,6 +16,7 @@ pub const PROBABILITY: f64 = 0.95;
 
 /// What the comparison says of a filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// Errors are as large as the filter says.
@@ -38,6 +39,7 @@ impl fmt::Display for Verdict {
 
 /// An average of χ² statistics, its bounds and the verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Consistency {
     /// The average; its expected value is `degrees_of_freedom`.
     pub average: f64,

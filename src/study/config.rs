@@ -9,6 +9,7 @@ use crate::schedule::text;
 
 /// What a search is to find.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// The best criterion in the total time.
@@ -45,6 +46,7 @@ impl Mode {
 
 /// What "accurate" means: which number of the coefficients' covariance P_D is minimised.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CriterionKind {
     /// The root mean square of the σ of the coefficients.
@@ -97,6 +99,7 @@ fn by_name<T: Copy>(key: &str, name: &str, named: &[(&'static str, T)]) -> Resul
 
 /// What is to be achieved; the `[objective]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct ObjectiveConfig {
     /// What a search is to find.
@@ -111,9 +114,11 @@ pub struct ObjectiveConfig {
     /// Weights of the variances in criterion `a`, 0 to 1e6; 1 for those without one. The other
     /// criteria have none.
     #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
     pub weights: PerCoefficient,
     /// 1σ specification of the coefficients, °/h (per g), greater than 0, to 1e12.
     #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
     pub spec_deg_per_h: PerCoefficient,
 }
 
@@ -132,6 +137,7 @@ impl Default for ObjectiveConfig {
 
 /// How covariance and separability enter the score; the `[objective.score]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct ScoreConfig {
     /// Weight of the covariance criterion, 0 to 1e6.
@@ -172,6 +178,7 @@ impl ScoreConfig {
 
 /// How to search; the `[search]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct SearchConfig {
     /// Most positions of a schedule, 1 to 500.

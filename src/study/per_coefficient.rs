@@ -31,6 +31,10 @@ pub struct PerCoefficient {
     pub coefficients: BTreeMap<DriftCoefficient, f64>,
 }
 
+/// How a file has it, for the JSON Schema: `default` and the names of coefficients.
+#[cfg(feature = "schema")]
+pub(super) type Named = BTreeMap<String, f64>;
+
 impl PerCoefficient {
     /// One number for all coefficients.
     pub const fn all(value: f64) -> Self {

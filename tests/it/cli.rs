@@ -3,7 +3,11 @@
 mod commands;
 mod comparison;
 mod documents;
+mod guides;
+mod manual;
+mod pages;
 mod refusals;
+mod schemas;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

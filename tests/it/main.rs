@@ -10,12 +10,14 @@ mod batch;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
+mod commands;
 mod dwell_sequence;
 mod gradient;
 mod limits;
 mod observability;
 mod physics;
 mod reference;
+mod replanning;
 mod search;
 mod simulation;
 mod support;

@@ -2,9 +2,10 @@
 
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::{number, render, seconds};
+use crate::cli::table::render;
 use crate::drift::DriftCoefficient;
 use crate::observability::{Channel, Order};
+use crate::report::numbers::{number, seconds};
 use crate::results::{
     AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, StandingRecord,
     SuggestionRecord,

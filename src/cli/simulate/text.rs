@@ -2,7 +2,8 @@
 
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::{number, render, seconds};
+use crate::cli::table::render;
+use crate::report::numbers::{number, optional, seconds};
 use crate::results::{SimulationDocument, SweepRecord};
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::{SweepPoint, largest_without_optimism};
@@ -182,7 +183,7 @@ fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
             plain(s.misalignment_deg),
             plain(s.drift_factor),
             s.nees.map_or_else(|| "-".to_owned(), |n| number(n.average)),
-            number(s.rms_error_deg_per_h),
+            optional(s.rms_error_deg_per_h, number),
             number(s.rms_largest_misalignment_deg),
         ]
     });

@@ -3,11 +3,11 @@
 /// What a line may be off by, pixels.
 const TOLERANCE: f64 = 0.1;
 
-/// The points of a polyline that it cannot do without: everything left out lies within
+/// Which points (pixels) a polyline cannot do without: everything left out lies within
 /// [`TOLERANCE`] of the line that remains (Ramer 1972; Douglas & Peucker 1973).
-pub(super) fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+pub(super) fn needed(points: &[[f64; 2]]) -> Vec<bool> {
     if points.len() < 3 {
-        return points.to_vec();
+        return vec![true; points.len()];
     }
     let mut keep = vec![false; points.len()];
     let last = points.len() - 1;
@@ -27,8 +27,7 @@ pub(super) fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
             open.push((i, to));
         }
     }
-    let kept = points.iter().zip(&keep).filter(|(_, keep)| **keep);
-    kept.map(|(p, _)| *p).collect()
+    keep
 }
 
 /// Distance of `p` from the segment a–b.
@@ -45,6 +44,11 @@ fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let kept = points.iter().zip(needed(points)).filter(|(_, keep)| *keep);
+        kept.map(|(p, _)| *p).collect()
+    }
 
     #[test]
     fn corners_stay_and_straights_go() {

@@ -150,7 +150,16 @@ fn search_writes_what_it_reports() {
     let desk = Desk::new();
     let report = desk.done(&["search", "--starts", "4"]);
     let written = names(&desk.path("scheme-opt-out"));
-    assert_eq!(written, ["result.json", "schedule.csv", "schedule.json"]);
+    assert_eq!(
+        written,
+        [
+            "commands.csv",
+            "report.html",
+            "result.json",
+            "schedule.csv",
+            "schedule.json"
+        ]
+    );
     assert!(report.starts_with("RMS sigma 0.0009"), "{report}");
     let tables = report.lines().filter(|l| l.starts_with('|'));
     assert!(tables.clone().count() > 30 && tables.into_iter().all(|l| l.chars().count() <= 80));
@@ -219,7 +228,13 @@ fn equal_inputs_give_equal_bytes_whatever_the_number_of_threads() {
     });
     assert_eq!(outputs[0], outputs[1]);
     assert!(!outputs[0].contains("wall_time_s"));
-    for name in ["schedule.json", "schedule.csv", "result.json"] {
+    for name in [
+        "schedule.json",
+        "schedule.csv",
+        "commands.csv",
+        "result.json",
+        "report.html",
+    ] {
         assert_eq!(
             desk.text(&format!("1/{name}")),
             desk.text(&format!("2/{name}"))
@@ -270,7 +285,7 @@ fn a_time_limit_gives_the_best_so_far() {
     let report = desk.done(&args);
     assert!(report.contains("time-limit"), "{report}");
     assert_eq!(desk.json("out/result.json")["status"], "time-limit");
-    assert_eq!(names(&desk.path("out")).len(), 3);
+    assert_eq!(names(&desk.path("out")).len(), 5);
 }
 
 #[test]
@@ -349,7 +364,7 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    assert_eq!(names(&desk.path("out")).len(), 3);
+    assert_eq!(names(&desk.path("out")).len(), 5);
 }
 
 #[test]

@@ -1,0 +1,37 @@
+//! `commands`: what the stand is told to do, as CSV.
+
+use crate::commands::CommandTable;
+use crate::error::{Error, Result};
+
+use super::Exit;
+use super::args::CommandsArgs;
+use super::files::write_file;
+use super::inputs;
+use super::output::Output;
+
+/// Runs the command.
+pub(super) fn run(args: &CommandsArgs, output: Output) -> Result<Exit> {
+    let given = inputs::given_schedule(&args.given, &args.common)?;
+    let table = CommandTable::new(given.study.platform(), &given.timeline, args.step_deg)
+        .map_err(name_option)?;
+    let text = match args.common.json {
+        true => table.to_json()?,
+        false => table.to_csv(),
+    };
+    match &args.output {
+        Some(path) => {
+            write_file(path, &text, true)?;
+            output.message(&format!("written: {}", path.display()));
+        }
+        None => output.data(&text)?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Says which option a refused number came from.
+fn name_option(error: Error) -> Error {
+    match error.key() {
+        Some("step_deg") => error.with_key("--step-deg"),
+        _ => error,
+    }
+}

@@ -1,0 +1,436 @@
+//! The command table: what the stand is told to do, second by second.
+//!
+//! A [`Timeline`] says where the platform is; a stand is driven by rates. Between two moments the
+//! platform holds a constant rate ω_c in its own axes, relative to inertial space:
+//!
+//! ```text
+//! dwell, settle:  ω_c = C_n^c ω_ie^n                     (it tracks the local level frame)
+//! move:           ω_c = C_n^c ω_ie^n + C_n^c ω_nc^n      (the same plus the slew)
+//! ```
+//!
+//! with ω_nc^n = −(e_x α̇ + Mx(α) e_y β̇ + C_c^n e_z γ̇), from `dC = −[φ×] C`
+//! ([`attitude`](crate::attitude)) and `Ċ_c^n = [ω_nc^n ×] C_c^n`. The gimbal rates are constant
+//! during a move, ω_c is not; a move is therefore cut into steps of a few degrees, and each step
+//! has *the* constant rate that takes the attitude at its start to the attitude at its end,
+//!
+//! ```text
+//! ω_c = Log( C_n^c(t_k) exp([ω_ie^n ×] Δt) C_c^n(t_{k+1}) ) / Δt
+//! ```
+//!
+//! so that a stand which integrates the commands, `Ċ_c^i = C_c^i [ω_c ×]`, is exactly at the
+//! schedule's attitude after every step, whatever the size of the steps. Between the ends of a
+//! step of θ it is off the straight line of the gimbal angles by θ²/8 at most.
+//!
+//! Moves that take no time (no slew rate, or frame-hold repositioning) have no rate: the row says
+//! from where to where, and its duration is zero.
+
+use std::fmt::Write;
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::Serialize;
+
+use crate::attitude::{Attitude, Position};
+use crate::error::{Error, Result};
+use crate::motion::{Leg, Timeline};
+use crate::platform::Platform;
+use crate::units::{Angle, AngularRate};
+
+/// What the platform does for the time of a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Segment {
+    /// It turns to a position, or a step of that.
+    Move,
+    /// It stands at a position, settling; nothing is measured.
+    Settle,
+    /// It stands at a position and the filter measures.
+    Dwell,
+    /// It turns back to where the test began.
+    Return,
+}
+
+impl Segment {
+    /// The name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Move => "move",
+            Self::Settle => "settle",
+            Self::Dwell => "dwell",
+            Self::Return => "return",
+        }
+    }
+}
+
+/// One row of the table: constant rates for a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Command {
+    /// When it begins, s since the start of the test.
+    pub start_s: f64,
+    /// How long it holds, s; zero for a move that takes no time.
+    pub duration_s: f64,
+    /// What it does.
+    pub segment: Segment,
+    /// Number of the position it leads to or holds, from 1; none on the way to the start attitude
+    /// and back.
+    pub position: Option<usize>,
+    /// (α, β, γ) when it begins, rad.
+    pub from: [f64; 3],
+    /// (α, β, γ) when it ends, rad: the way actually taken, not wrapped.
+    pub to: [f64; 3],
+    /// Rates of (α, β, γ), rad/s; none for a move that takes no time.
+    pub gimbal_rates: Option<[f64; 3]>,
+    /// ω_c: the platform's rate relative to inertial space in platform axes, rad/s; none for a
+    /// move that takes no time.
+    pub platform_rate: Option<Vector3<f64>>,
+    /// Whether the filter measures meanwhile.
+    pub measured: bool,
+}
+
+impl Command {
+    /// When it ends, s since the start of the test.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + self.duration_s
+    }
+}
+
+/// The commands of a whole test.
+///
+/// ```
+/// use scheme_opt::attitude::Position;
+/// use scheme_opt::commands::CommandTable;
+/// use scheme_opt::motion::Timeline;
+/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+///
+/// let mut config = PlatformConfig::default();
+/// config.motion.slew_rate_deg_per_s = Some(0.5);
+/// let platform = config.check()?;
+/// let schedule = Schedule::new(vec![
+///     ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 600.0),
+///     ScheduledPosition::new(Position::from_deg(60.0, 0.0, 0.0), 600.0),
+/// ])?;
+/// let timeline = Timeline::new(&platform, &schedule)?;
+/// let table = CommandTable::new(&platform, &timeline, CommandTable::DEFAULT_STEP_DEG)?;
+/// // A dwell, twelve steps of 5 degrees, a dwell.
+/// assert_eq!(table.commands().len(), 14);
+/// // Level and facing north, the platform follows the Earth about its own x and y axes.
+/// let rate = table.commands()[0].platform_rate.unwrap();
+/// assert!((rate - platform.earth_rate_n()).norm() < 1e-20);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct CommandTable {
+    commands: Vec<Command>,
+}
+
+/// Header of the CSV form.
+const HEADER: &str = "clock,start_s,duration_s,segment,position,\
+    alpha_from_deg,beta_from_deg,gamma_from_deg,alpha_to_deg,beta_to_deg,gamma_to_deg,\
+    alpha_rate_deg_per_s,beta_rate_deg_per_s,gamma_rate_deg_per_s,\
+    omega_x_deg_per_h,omega_y_deg_per_h,omega_z_deg_per_h,measured";
+
+/// Decimals of durations, angles and rates: replaying the text of a test of hours is then off by
+/// less than 1e-9 rad.
+const DECIMALS: usize = 12;
+
+/// Most rows of a table.
+const MAX_COMMANDS: f64 = 1e6;
+
+impl CommandTable {
+    /// Largest turn of the platform in one step of a move unless told otherwise, degrees.
+    pub const DEFAULT_STEP_DEG: f64 = 5.0;
+
+    /// The commands of `timeline` on `platform`, moves cut into steps in which no gimbal turns by
+    /// more than `step_deg`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for a step that is not within 0.01° to 45° (beyond that, the rotation
+    /// of a step could not be told from its opposite), or one that would give a million rows.
+    pub fn new(platform: &Platform, timeline: &Timeline, step_deg: f64) -> Result<Self> {
+        if !(0.01..=45.0).contains(&step_deg) {
+            return Err(Error::out_of_range("step_deg", step_deg, "0.01 to 45"));
+        }
+        let step = Angle::from_deg(step_deg).rad();
+        let turns: f64 = timeline
+            .legs()
+            .iter()
+            .filter_map(|leg| leg.arrival)
+            .map(|m| m.slowest_axis().1)
+            .sum();
+        if turns / step > MAX_COMMANDS {
+            return Err(Error::input("the steps of the moves are too many")
+                .with_key("step_deg")
+                .with_value(step_deg));
+        }
+        let mut builder = Builder {
+            earth_rate_n: platform.earth_rate_n(),
+            step,
+            time_s: 0.0,
+            commands: Vec::new(),
+        };
+        let held = timeline.positions();
+        for (index, leg) in timeline.legs().iter().enumerate() {
+            let position = held.contains(&index).then(|| index - held.start + 1);
+            builder.leg(leg, position, index >= held.end);
+        }
+        Ok(Self {
+            commands: builder.commands,
+        })
+    }
+
+    /// The rows in order.
+    pub fn commands(&self) -> &[Command] {
+        &self.commands
+    }
+
+    /// The table as CSV with a header line, in numbers with twelve decimals at most: a rate is held
+    /// for a thousand seconds, and hundreds of rows follow each other.
+    pub fn to_csv(&self) -> String {
+        let mut text = format!("{HEADER}\n");
+        for c in &self.commands {
+            let position = c.position.map_or_else(String::new, |p| p.to_string());
+            // Writing to a string cannot fail.
+            let _ = write!(
+                text,
+                "{},{},{},{},{position}",
+                clock(c.start_s),
+                trimmed(c.start_s, 9),
+                trimmed(c.duration_s, DECIMALS),
+                c.segment.name(),
+            );
+            for angle in c.from.iter().chain(&c.to) {
+                let _ = write!(
+                    text,
+                    ",{}",
+                    trimmed(Angle::from_rad(*angle).deg(), DECIMALS)
+                );
+            }
+            for axis in 0..3 {
+                let rate = c.gimbal_rates.map(|r| Angle::from_rad(r[axis]).deg());
+                let _ = write!(text, ",{}", optional(rate, DECIMALS));
+            }
+            for axis in 0..3 {
+                let rate = c.platform_rate.map(|r| r[axis]);
+                let rate = rate.map(|r| AngularRate::from_rad_per_s(r).deg_per_h());
+                let _ = write!(text, ",{}", optional(rate, DECIMALS));
+            }
+            let _ = writeln!(text, ",{}", c.measured);
+        }
+        text
+    }
+}
+
+/// Name and major version of the table's JSON form.
+pub const COMMANDS_SCHEMA: &str = "scheme-opt/commands/1";
+
+/// The table as a document.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct CommandDocument {
+    /// [`COMMANDS_SCHEMA`].
+    pub schema: String,
+    /// Version of the program that wrote it.
+    pub tool_version: String,
+    /// The commands in order.
+    pub commands: Vec<CommandRecord>,
+}
+
+/// One command; see [`Command`].
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct CommandRecord {
+    /// When it begins, s since the start of the test.
+    pub start_s: f64,
+    /// How long it holds, s.
+    pub duration_s: f64,
+    /// `move`, `settle`, `dwell` or `return`.
+    pub segment: String,
+    /// Number of the position it leads to or holds, from 1; null: start or return.
+    pub position: Option<usize>,
+    /// (α, β, γ) when it begins, degrees.
+    pub from_deg: [f64; 3],
+    /// (α, β, γ) when it ends, degrees.
+    pub to_deg: [f64; 3],
+    /// Rates of (α, β, γ), °/s; null: it takes no time.
+    pub gimbal_rates_deg_per_s: Option<[f64; 3]>,
+    /// ω_c in platform axes, °/h; null: it takes no time.
+    pub platform_rate_deg_per_h: Option<[f64; 3]>,
+    /// Whether the filter measures meanwhile.
+    pub measured: bool,
+}
+
+impl From<&Command> for CommandRecord {
+    fn from(c: &Command) -> Self {
+        let deg = |angles: [f64; 3]| angles.map(|rad| Angle::from_rad(rad).deg() + 0.0);
+        Self {
+            start_s: c.start_s,
+            duration_s: c.duration_s,
+            segment: c.segment.name().to_owned(),
+            position: c.position,
+            from_deg: deg(c.from),
+            to_deg: deg(c.to),
+            gimbal_rates_deg_per_s: c.gimbal_rates.map(deg),
+            platform_rate_deg_per_h: c.platform_rate.map(|omega| {
+                let in_h = |v| AngularRate::from_rad_per_s(v).deg_per_h() + 0.0;
+                [omega.x, omega.y, omega.z].map(in_h)
+            }),
+            measured: c.measured,
+        }
+    }
+}
+
+impl CommandTable {
+    /// The table as data.
+    pub fn document(&self) -> CommandDocument {
+        CommandDocument {
+            schema: COMMANDS_SCHEMA.to_owned(),
+            tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            commands: self.commands.iter().map(Into::into).collect(),
+        }
+    }
+
+    /// The table as JSON.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`] when it cannot be written as JSON.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string_pretty(&self.document())
+            .map(|text| text + "\n")
+            .map_err(|e| Error::numerical(format!("the table cannot be written as JSON: {e}")))
+    }
+}
+
+struct Builder {
+    earth_rate_n: Vector3<f64>,
+    step: f64,
+    time_s: f64,
+    commands: Vec<Command>,
+}
+
+impl Builder {
+    fn leg(&mut self, leg: &Leg, position: Option<usize>, returns: bool) {
+        if let Some(m) = &leg.arrival {
+            let segment = match returns {
+                true => Segment::Return,
+                false => Segment::Move,
+            };
+            let turn = m.slowest_axis().1;
+            let steps = match m.duration_s > 0.0 {
+                true => (turn / self.step - 1e-9).ceil().max(1.0) as usize,
+                false => 1,
+            };
+            // A move to where the platform is already, in no time, is nothing to command.
+            if m.duration_s > 0.0 || turn > 0.0 {
+                for k in 0..steps {
+                    let at = |k: usize| m.angles_at(k as f64 / steps as f64);
+                    let command = (segment, position, m.measured);
+                    self.push(at(k), at(k + 1), m.duration_s / steps as f64, command);
+                }
+            }
+        }
+        let here = leg.position.to_array();
+        for (segment, duration_s) in [
+            (Segment::Settle, leg.settle_s),
+            (Segment::Dwell, leg.dwell_s),
+        ] {
+            if duration_s > 0.0 {
+                let command = (segment, position, segment == Segment::Dwell);
+                self.push(here, here, duration_s, command);
+            }
+        }
+    }
+
+    fn push(
+        &mut self,
+        from: [f64; 3],
+        to: [f64; 3],
+        duration_s: f64,
+        (segment, position, measured): (Segment, Option<usize>, bool),
+    ) {
+        let takes_time = duration_s > 0.0;
+        let rates = || std::array::from_fn(|i| (to[i] - from[i]) / duration_s);
+        let attitude = |angles| Position::from_array(angles).attitude();
+        let omega = || self.constant_rate(&attitude(from), &attitude(to), duration_s, from == to);
+        self.commands.push(Command {
+            start_s: self.time_s,
+            duration_s,
+            segment,
+            position,
+            from,
+            to,
+            gimbal_rates: takes_time.then(rates),
+            platform_rate: takes_time.then(omega),
+            measured,
+        });
+        self.time_s += duration_s;
+    }
+
+    /// The rate that takes the platform from one attitude to the other, see the module text.
+    fn constant_rate(
+        &self,
+        from: &Attitude,
+        to: &Attitude,
+        duration_s: f64,
+        holds: bool,
+    ) -> Vector3<f64> {
+        if holds {
+            return from.matrix().transpose() * self.earth_rate_n;
+        }
+        let earth = Rotation3::new(self.earth_rate_n * duration_s);
+        let turn = from.matrix().transpose() * earth.matrix() * to.matrix();
+        rotation_vector(&turn) / duration_s
+    }
+}
+
+/// Log of a rotation by less than a half turn. By the arc tangent of its sine and cosine: the arc
+/// cosine of the trace alone would lose half of the digits of a small turn.
+fn rotation_vector(turn: &Matrix3<f64>) -> Vector3<f64> {
+    let t = turn - turn.transpose();
+    let axis_sine = 0.5 * Vector3::new(t[(2, 1)], t[(0, 2)], t[(1, 0)]);
+    let (sine, cosine) = (axis_sine.norm(), 0.5 * (turn.trace() - 1.0));
+    match sine > 0.0 {
+        true => axis_sine * (sine.atan2(cosine) / sine),
+        false => Vector3::zeros(),
+    }
+}
+
+/// Time of the test as hours, minutes and seconds.
+pub fn clock(time_s: f64) -> String {
+    let tenths = (time_s * 10.0).round() as u64;
+    let (hours, minutes) = (tenths / 36_000, tenths / 600 % 60);
+    format!(
+        "{hours:02}:{minutes:02}:{:02}.{}",
+        tenths / 10 % 60,
+        tenths % 10
+    )
+}
+
+fn optional(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(String::new, |v| trimmed(v, decimals))
+}
+
+/// That many decimals at most.
+fn trimmed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let short = text.trim_end_matches('0').trim_end_matches('.');
+    match short {
+        "-0" => "0".to_owned(),
+        short => short.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clocks_and_numbers_read_well() {
+        assert_eq!(clock(0.0), "00:00:00.0");
+        assert_eq!(clock(14_395.14), "03:59:55.1");
+        assert_eq!(clock(59.96), "00:01:00.0");
+        assert_eq!(trimmed(-0.000_000_000_01, 9), "0");
+        assert_eq!(trimmed(1800.5, 9), "1800.5");
+        assert_eq!(trimmed(120.0, 6), "120");
+    }
+}

@@ -1,0 +1,572 @@
+//! The report: one HTML page that says what a document found, for people.
+//!
+//! Everything on a page comes from the document it is about and from what this library computes
+//! of the schedule and the inputs that every document carries; the same document gives the same
+//! bytes. A page needs nothing but itself: style, pictures (SVG) and a small script for sorting
+//! and hovering are in it, and without the script it says the same.
+//!
+//! ```
+//! use scheme_opt::attitude::Position;
+//! use scheme_opt::report::html;
+//! use scheme_opt::results::{EvaluationDocument, Inputs};
+//! use scheme_opt::schedule::{Schedule, ScheduledPosition};
+//! use scheme_opt::study::StudyConfig;
+//!
+//! let config = StudyConfig::default();
+//! let evaluator = config.check()?.evaluator();
+//! let schedule = Schedule::new(vec![
+//!     ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 1000.0),
+//!     ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),
+//! ])?;
+//! let evaluation = evaluator.evaluate(&schedule)?;
+//! let inputs = Inputs { config, defaulted: Vec::new() };
+//! let document = EvaluationDocument::new(&evaluation, &schedule, evaluator.objective(), &inputs);
+//! let page = html::evaluation(&document)?;
+//! assert!(page.starts_with("<!DOCTYPE html>") && page.contains("What the measurements cannot tell"));
+//! # Ok::<(), scheme_opt::Error>(())
+//! ```
+
+mod blocks;
+mod maps;
+mod pictures;
+mod subject;
+mod tables;
+
+use askama::Template;
+
+use crate::baseline::baselines;
+use crate::certificate::Certifier;
+use crate::error::{Error, Result};
+use crate::report::numbers::{listed, number, seconds};
+use crate::report::words;
+use crate::results::{
+    BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord, ComparisonDocument,
+    EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
+    SimulationDocument, TOOL_VERSION,
+};
+use crate::schedule::file::to_csv;
+use crate::simulate::consistency::Verdict;
+use blocks::{Block, Page, Section};
+use subject::Subject;
+
+/// The page of a search.
+///
+/// # Errors
+///
+/// As [`Evaluator::evaluate`](crate::evaluate::Evaluator::evaluate), for a document that does not
+/// fit this version; [`Error::is_input`] when its inputs are not acceptable.
+pub fn result(document: &ResultDocument) -> Result<String> {
+    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let mut verdict = accuracy_words(&subject);
+    verdict.extend(document.certificate.as_ref().map(words::within));
+    verdict.extend(gain(&document.baselines));
+    verdict.extend(weakness(&subject));
+    verdict.push(search_words(document));
+    let mut standing = vec![Block::Table(tables::baselines(
+        &subject,
+        &document.baselines,
+    ))];
+    let skipped = document.baselines_skipped.iter();
+    let skipped = skipped.map(|s| format!("{}: not run, {}", s.name, s.reason));
+    standing.extend(list(skipped.collect()));
+    let mut sections = vec![Section::new(
+        "verdict",
+        "Verdict",
+        vec![verdict_block(verdict)],
+    )];
+    sections.extend(body(&subject));
+    if !document.pareto.is_empty() {
+        let score = &document.evaluation.score;
+        let blocks = vec![
+            Block::Wide {
+                caption: "Total time against accuracy. Only schedules that the stand can run are \
+                          shown; the dotted line is what no schedule can beat."
+                    .to_owned(),
+                svg: pictures::front(&document.pareto, score),
+            },
+            Block::Table(tables::front(&document.pareto, score)),
+        ];
+        sections.push(Section::new("front", "Time against accuracy", blocks));
+    }
+    sections.push(Section::new(
+        "standard",
+        "Beside the standard schemes",
+        standing,
+    ));
+    let command = "scheme-opt search platform.toml --reproducible";
+    sections.push(basis(&subject, command, Some(document.seed))?);
+    let total = seconds(document.evaluation.total_time_s);
+    page(&format!("Torquing scheme found: {total} s"), sections)
+}
+
+/// The page of a schedule that was given.
+///
+/// # Errors
+///
+/// As [`result`].
+pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
+    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let (verdict, standing) = standing(&subject);
+    let mut sections = vec![Section::new(
+        "verdict",
+        "Verdict",
+        vec![verdict_block(verdict)],
+    )];
+    sections.extend(body(&subject));
+    sections.push(Section::new(
+        "standard",
+        "Beside the standard schemes",
+        standing,
+    ));
+    let command = "scheme-opt evaluate --schedule schedule.csv --platform platform.toml \
+                   --report report.html";
+    sections.push(basis(&subject, command, None)?);
+    let total = seconds(document.total_time_s);
+    page(&format!("Torquing scheme evaluated: {total} s"), sections)
+}
+
+/// The page of a simulation.
+///
+/// # Errors
+///
+/// As [`result`].
+pub fn simulation(document: &SimulationDocument) -> Result<String> {
+    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let (mut verdict, standing) = standing(&subject);
+    verdict.insert(1, simulated_words(document));
+    let mut sections = vec![Section::new(
+        "verdict",
+        "Verdict",
+        vec![verdict_block(verdict)],
+    )];
+    sections.extend(body(&subject));
+    let mut blocks = vec![
+        Block::Text(format!(
+            "{} runs of the test with {} truth and {} filter, each with its own drift, \
+             misalignment and noise. The drift is not compensated meanwhile: at its farthest the \
+             platform is {:.2}° off the computed frame (RMS of the runs).",
+            document.runs, document.truth, document.filter, document.rms_largest_misalignment_deg,
+        )),
+        Block::Wide {
+            caption: "Errors of the runs by what the filter says of them. Crosses lie outside the \
+                      band in which 95 of 100 lie when the filter is right about itself."
+                .to_owned(),
+            svg: pictures::consistency(document),
+        },
+        Block::Table(tables::simulated(document)),
+        Block::Table(tables::consistency(document)),
+    ];
+    if !document.sweep.is_empty() {
+        blocks.push(Block::Table(tables::sweep(document)));
+    }
+    sections.push(Section::new("simulation", "Monte Carlo check", blocks));
+    sections.push(Section::new(
+        "standard",
+        "Beside the standard schemes",
+        standing,
+    ));
+    let mut command = format!(
+        "scheme-opt simulate --schedule schedule.csv --platform platform.toml --runs {} \
+         --truth {} --filter {} --seed {}",
+        document.runs, document.truth, document.filter, document.seed
+    );
+    if document.told_accelerometer_factor != 1.0 {
+        let factor = document.told_accelerometer_factor;
+        command.push_str(&format!(" --told-noise-factor {factor}"));
+    }
+    if !document.sweep.is_empty() {
+        command.push_str(" --sweep");
+    }
+    command.push_str(" --report report.html");
+    sections.push(basis(&subject, &command, Some(document.seed))?);
+    let total = seconds(document.total_time_s);
+    page(&format!("Torquing scheme simulated: {total} s"), sections)
+}
+
+/// The page of a comparison: side by side, and then the best of them in full.
+///
+/// # Errors
+///
+/// As [`result`]; [`Error::is_input`] for a comparison of nothing.
+pub fn comparison(document: &ComparisonDocument) -> Result<String> {
+    let best = document
+        .schedules
+        .iter()
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
+        .ok_or_else(|| Error::input("the comparison holds no schedule").with_key("schedules"))?;
+    let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
+    let name = tables::name(&best.name, &best.order);
+    let mut verdict = vec![side_by_side(document, best, &name)];
+    verdict.extend(accuracy_words(&subject));
+    let (within, _) = standing(&subject);
+    verdict.extend(within.into_iter().skip(verdict.len() - 1));
+    let mut blocks = vec![
+        Block::Table(tables::compared(document)),
+        Block::Table(tables::compared_coefficients(document)),
+    ];
+    let skipped = document.skipped.iter();
+    let skipped =
+        skipped.map(|s| format!("{}: not run, {}", tables::name(&s.name, &s.order), s.reason));
+    blocks.extend(list(skipped.collect()));
+    let mut sections = vec![
+        Section::new("verdict", "Verdict", vec![verdict_block(verdict)]),
+        Section::new("comparison", "Side by side", blocks),
+    ];
+    sections.extend(body(&subject));
+    let names: Vec<&str> = document
+        .schedules
+        .iter()
+        .filter(|s| s.order != crate::compare::Order::Best.name())
+        .map(|s| s.name.as_str())
+        .collect();
+    let mut command = format!(
+        "scheme-opt compare {} --platform platform.toml",
+        names.join(" ")
+    );
+    if names.len() < document.schedules.len() {
+        command.push_str(" --best-order");
+    }
+    if document.total_time_s.is_none() {
+        command.push_str(" --as-given");
+    }
+    command.push_str(" --report report.html");
+    sections.push(basis(&subject, &command, None)?);
+    page(
+        &format!("Torquing schemes compared; best: {name}"),
+        sections,
+    )
+}
+
+/// The page of any of these documents, told by its `schema`.
+///
+/// # Errors
+///
+/// [`Error::is_input`] for text that is no such document; as [`result`] otherwise.
+pub fn from_json(text: &str) -> Result<String> {
+    /// What tells the documents apart.
+    #[derive(serde::Deserialize)]
+    struct Head {
+        schema: String,
+    }
+    fn read<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
+        serde_json::from_str(text).map_err(|e| {
+            Error::input(format!("not a document of this program: {e}")).with_line(e.line())
+        })
+    }
+    let head: Head = read(text)?;
+    match head.schema.as_str() {
+        RESULT_SCHEMA => result(&read(text)?),
+        EVALUATION_SCHEMA => evaluation(&read(text)?),
+        SIMULATION_SCHEMA => simulation(&read(text)?),
+        COMPARISON_SCHEMA => comparison(&read(text)?),
+        other => Err(Error::input("no report is made of this document")
+            .with_key("schema")
+            .with_value(other)
+            .with_allowed(
+                [
+                    RESULT_SCHEMA,
+                    EVALUATION_SCHEMA,
+                    SIMULATION_SCHEMA,
+                    COMPARISON_SCHEMA,
+                ]
+                .join(", "),
+            )),
+    }
+}
+
+fn page(title: &str, sections: Vec<Section>) -> Result<String> {
+    let page = Page {
+        title: title.to_owned(),
+        tool_version: TOOL_VERSION,
+        sections,
+    };
+    page.render()
+        .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")))
+}
+
+/// The unit as this page writes it: sentences shared with the terminal have it in plain letters.
+fn typeset(sentence: &str) -> String {
+    sentence.replace("deg/h", "°/h")
+}
+
+fn verdict_block(sentences: Vec<String>) -> Block {
+    Block::List(sentences.iter().map(|s| typeset(s)).collect())
+}
+
+fn list(sentences: Vec<String>) -> Option<Block> {
+    (!sentences.is_empty()).then_some(Block::List(sentences))
+}
+
+/// How accurate, how long, and whether that is enough.
+fn accuracy_words(subject: &Subject) -> Vec<String> {
+    let d = &subject.document;
+    let positions = d.schedule.positions.len();
+    let largest = d
+        .coefficients
+        .iter()
+        .max_by(|a, b| a.sigma_deg_per_h.total_cmp(&b.sigma_deg_per_h));
+    let largest = largest.map_or_else(String::new, |c| {
+        format!(
+            "; at worst {} for {}",
+            number(c.sigma_deg_per_h),
+            c.name.name()
+        )
+    });
+    let mut words = vec![format!(
+        "Accuracy {} °/h (RMS of the twelve 1σ{largest}) after {} s with {positions} position{}, \
+         of which {} s moving and settling.",
+        number(d.rms_sigma_deg_per_h),
+        seconds(d.total_time_s),
+        if positions == 1 { "" } else { "s" },
+        seconds(d.overhead_s),
+    )];
+    if d.score.criterion_name != "a" {
+        words.push(format!(
+            "Criterion {}: {} {}.",
+            d.score.criterion_name,
+            number(d.score.criterion),
+            d.score.criterion_unit
+        ));
+    }
+    words.extend(words::specification(d));
+    words
+}
+
+/// What the standard schemes make of the same time.
+fn gain(baselines: &[BaselineRecord]) -> Option<String> {
+    let best = baselines
+        .iter()
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion))?;
+    let compared = words::compared(best.criterion_ratio);
+    let name = &best.name;
+    Some(format!(
+        "In the same time {compared} the best standard scheme, {name}."
+    ))
+}
+
+/// Which coefficients are weak, and why.
+fn weakness(subject: &Subject) -> Vec<String> {
+    /// A coefficient is called weak when its σ is so many times the median.
+    const WEAK: f64 = 1.5;
+    let d = &subject.document;
+    let mut sigmas: Vec<f64> = d.coefficients.iter().map(|c| c.sigma_deg_per_h).collect();
+    sigmas.sort_by(f64::total_cmp);
+    let median = sigmas[sigmas.len() / 2];
+    let weak: Vec<&str> = d
+        .coefficients
+        .iter()
+        .filter(|c| c.sigma_deg_per_h > WEAK * median)
+        .map(|c| c.name.name())
+        .collect();
+    let mut words = Vec::new();
+    if !d.observability.unobservable.is_empty() {
+        words.push(words::observability(d));
+    }
+    match weak.is_empty() {
+        true => words.push("No coefficient is much weaker than the others.".to_owned()),
+        false => words.push(format!(
+            "Weak: {}, with more than {WEAK} times the σ of the median coefficient.",
+            listed(&weak)
+        )),
+    }
+    words.extend(subject.analysis.advice.iter().cloned());
+    words
+}
+
+/// How the search went.
+fn search_words(document: &ResultDocument) -> String {
+    let c = &document.counters;
+    format!(
+        "Search {}: {} ({} starts, {} values, {} gradients, seed {}).",
+        document.status, document.reason, c.starts, c.evaluations, c.gradients, document.seed
+    )
+}
+
+/// Bound and baselines of a schedule that no search has put beside them.
+fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
+    let total_time_s = subject.document.total_time_s;
+    let achieved = subject.document.score.criterion;
+    let certifier = Certifier::new(subject.study.platform());
+    let objective = subject.evaluator.objective();
+    let certificate =
+        CertificateRecord::of_criterion(&certifier, objective, total_time_s, achieved);
+    let all = baselines(&subject.evaluator, total_time_s);
+    let compared = crate::results::compared(&all, &subject.document);
+    let mut verdict = accuracy_words(subject);
+    verdict.push(words::within(&certificate));
+    verdict.extend(gain(&compared));
+    verdict.extend(weakness(subject));
+    let mut blocks = vec![Block::Table(tables::baselines(subject, &compared))];
+    let skipped = crate::results::skipped(&all);
+    let skipped = skipped
+        .iter()
+        .map(|s| format!("{}: not run, {}", s.name, s.reason));
+    blocks.extend(list(skipped.collect()));
+    (verdict, blocks)
+}
+
+/// What the runs say of the plan.
+fn simulated_words(d: &SimulationDocument) -> String {
+    let meaning = match d.verdict {
+        Verdict::Consistent => "its errors are as large as it says",
+        Verdict::Optimistic => "its errors are larger than it says",
+        Verdict::Pessimistic => "its errors are smaller than it says",
+    };
+    format!(
+        "Played through {} times, the RMS error is {} °/h, the filter says {} °/h, the plan {} °/h. \
+         The filter is {}: {meaning}.",
+        d.runs,
+        number(d.rms_error_deg_per_h),
+        number(d.rms_sigma_deg_per_h),
+        number(d.rms_planned_sigma_deg_per_h),
+        d.verdict,
+    )
+}
+
+/// Who is best, and by how much.
+fn side_by_side(document: &ComparisonDocument, best: &ComparedRecord, name: &str) -> String {
+    let time = match document.total_time_s {
+        Some(s) => format!("in {} s each", seconds(s)),
+        None => "each in its own time".to_owned(),
+    };
+    let second = document
+        .schedules
+        .iter()
+        .filter(|s| !std::ptr::eq(*s, best))
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
+    let second = second.map_or_else(String::new, |s| {
+        let ratio = words::compared(Some(s.criterion / best.criterion));
+        format!(", {ratio} the next, {}", tables::name(&s.name, &s.order))
+    });
+    format!(
+        "Best of {} schedules, {time}: {name}{second}. What follows is about it.",
+        document.schedules.len()
+    )
+}
+
+/// Schedule, accuracy, observability, correlations: the same for every document.
+fn body(subject: &Subject) -> Vec<Section> {
+    vec![
+        Section::new("schedule", "Schedule", schedule_blocks(subject)),
+        Section::new(
+            "commands",
+            "Commands for the stand",
+            command_blocks(subject),
+        ),
+        Section::new(
+            "accuracy",
+            "Accuracy against time",
+            accuracy_blocks(subject),
+        ),
+        Section::new(
+            "observability",
+            "Observability",
+            observability_blocks(subject),
+        ),
+        Section::new("correlation", "Correlations", correlation_blocks(subject)),
+    ]
+}
+
+fn schedule_blocks(subject: &Subject) -> Vec<Block> {
+    vec![
+        Block::Wide {
+            caption: "Gimbal angles against time. Moves and settling are shaded; the numbers are \
+                      those of the positions."
+                .to_owned(),
+            svg: pictures::gimbals(subject),
+        },
+        Block::Table(tables::positions(subject)),
+        Block::Text(
+            "Where gravity points in the platform at each position, in a map of equal areas: dots \
+             lie along an axis, diamonds are oblique to two axes, crosses to all three. Positions \
+             along the axes cannot tell the input-axis coefficients apart; oblique ones can. \
+             Dotted: measured moves."
+                .to_owned(),
+        ),
+        Block::Pictures(maps::sphere(subject).to_vec()),
+    ]
+}
+
+fn command_blocks(subject: &Subject) -> Vec<Block> {
+    vec![
+        Block::Text(
+            "ω_c is the rate of the platform relative to inertial space in its own axes: it tracks \
+             the Earth while it dwells, and slews on top of that in a move. Through a move ω_c \
+             changes; the table has that of the first of its steps, and commands.csv has all of \
+             them (scheme-opt commands)."
+                .to_owned(),
+        ),
+        Block::Table(tables::commands(subject)),
+    ]
+}
+
+fn accuracy_blocks(subject: &Subject) -> Vec<Block> {
+    vec![
+        Block::Pictures(pictures::accuracy(subject)),
+        Block::Table(tables::accuracy(subject)),
+        Block::Table(tables::misalignment(subject)),
+    ]
+}
+
+fn observability_blocks(subject: &Subject) -> Vec<Block> {
+    vec![
+        Block::Text(words::observability(&subject.document)),
+        Block::Table(tables::observability(subject)),
+        Block::Table(tables::weak(subject)),
+    ]
+}
+
+fn correlation_blocks(subject: &Subject) -> Vec<Block> {
+    vec![
+        Block::Wide {
+            caption: format!(
+                "Correlations of the estimates at the end of the test, all {} pairs: vermillion \
+                 together, blue against each other.",
+                subject::PAIRS
+            ),
+            svg: maps::correlations(&subject.correlations()),
+        },
+        Block::Table(tables::correlations(subject)),
+    ]
+}
+
+/// Formulas, inputs, versions, and how to get the same again.
+fn basis(subject: &Subject, command: &str, seed: Option<u64>) -> Result<Section> {
+    let d = &subject.document;
+    let platform = toml::to_string(&d.inputs)
+        .map_err(|e| Error::numerical(format!("the inputs cannot be written as TOML: {e}")))?;
+    let defaulted = match d.defaulted.is_empty() {
+        true => "Every value was given.".to_owned(),
+        false => format!(
+            "Nobody gave these; they are defaults: {}.",
+            d.defaulted.join(", ")
+        ),
+    };
+    let seed = seed.map_or_else(String::new, |s| format!(", seed {s}"));
+    let blocks = vec![
+        Block::Text(format!(
+            "scheme-opt {TOOL_VERSION}{seed}; two computations of every σ agree to {:.0e}. Save \
+             the two files below, and this makes the same again:",
+            d.agreement
+        )),
+        Block::Verbatim {
+            caption: "Command".to_owned(),
+            text: command.to_owned(),
+        },
+        Block::Verbatim {
+            caption: "platform.toml".to_owned(),
+            text: platform,
+        },
+        Block::Text(defaulted),
+        Block::Verbatim {
+            caption: "schedule.csv".to_owned(),
+            text: to_csv(&subject.schedule),
+        },
+        Block::Formulas,
+    ];
+    Ok(Section::new(
+        "basis",
+        "Formulas, inputs, reproduction",
+        blocks,
+    ))
+}

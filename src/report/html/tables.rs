@@ -1,0 +1,502 @@
+//! The tables of a page.
+
+use crate::commands::{Segment, clock};
+use crate::platform::Repositioning;
+use crate::report::numbers::{number, optional, seconds};
+use crate::results::{
+    BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
+};
+use crate::simulate::consistency::Consistency;
+use crate::units::{Angle, AngularRate};
+
+use super::blocks::Table;
+use super::pictures::gravity;
+use super::subject::{Sense, Subject};
+
+/// A missing entry.
+const NONE: &str = "–";
+
+fn order(value: Option<u8>) -> String {
+    value.map_or_else(|| "none".to_owned(), |o| o.to_string())
+}
+
+fn ratio(value: Option<f64>) -> String {
+    optional(value, |r| format!("{r:.2}"))
+}
+
+/// The positions, how each is reached and how gravity lies there.
+pub(super) fn positions(subject: &Subject) -> Table {
+    let held = subject.timeline.positions();
+    let times = subject.leg_times_s();
+    let frame_hold = subject.study.platform().motion().repositioning == Repositioning::FrameHold;
+    let rows = subject.timeline.legs().iter().enumerate().map(|(i, leg)| {
+        let name = match i {
+            _ if held.contains(&i) => (i - held.start + 1).to_string(),
+            _ if i < held.start => "start".to_owned(),
+            _ => "return".to_owned(),
+        };
+        let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
+        let g = gravity(leg.position);
+        let move_s = leg.arrival.map_or_else(
+            || NONE.to_owned(),
+            |m| match (frame_hold, m.measured) {
+                (true, _) => "frame-hold".to_owned(),
+                (false, true) => format!("{}, measured", seconds(m.duration_s)),
+                (false, false) => seconds(m.duration_s),
+            },
+        );
+        vec![
+            name,
+            alpha,
+            beta,
+            gamma,
+            clock(times[i]),
+            move_s,
+            seconds(leg.settle_s),
+            seconds(leg.dwell_s),
+            format!("{:.3}, {:.3}, {:.3}", g[0] + 0.0, g[1] + 0.0, g[2] + 0.0),
+            Sense::of(g).name().to_owned(),
+        ]
+    });
+    Table::new(
+        "Positions in order",
+        &[
+            "#",
+            "α, °",
+            "β, °",
+            "γ, °",
+            "begins",
+            "move, s",
+            "settle, s",
+            "dwell, s",
+            "gravity in x, y, z, g",
+            "which is",
+        ],
+        rows.collect(),
+    )
+}
+
+/// What the stand is told, one row for each move, settle and dwell.
+pub(super) fn commands(subject: &Subject) -> Table {
+    let all = subject.commands.commands();
+    let mut rows = Vec::new();
+    let same = |a: &&[crate::commands::Command]| a.len();
+    let groups = all.chunk_by(|a, b| a.segment == b.segment && a.position == b.position);
+    for group in groups.filter(|g| same(g) > 0) {
+        let (first, last) = (&group[0], &group[group.len() - 1]);
+        let duration: f64 = group.iter().map(|c| c.duration_s).sum();
+        let angles = |a: [f64; 3]| {
+            let deg = a.map(|rad| format!("{:.3}", Angle::from_rad(rad).deg() + 0.0));
+            deg.join(", ")
+        };
+        let rates = first.gimbal_rates.map_or_else(
+            || NONE.to_owned(),
+            |r| {
+                let deg = r.map(|v| format!("{:.4}", Angle::from_rad(v).deg() + 0.0));
+                match r == [0.0; 3] {
+                    true => "0".to_owned(),
+                    false => deg.join(", "),
+                }
+            },
+        );
+        rows.push(vec![
+            clock(first.start_s),
+            first.segment.name().to_owned(),
+            first
+                .position
+                .map_or_else(|| NONE.to_owned(), |p| p.to_string()),
+            seconds(duration),
+            angles(first.from),
+            match first.from == last.to {
+                true => "held".to_owned(),
+                false => angles(last.to),
+            },
+            rates,
+            platform_rate(first),
+            group.len().to_string(),
+            if first.measured { "yes" } else { "no" }.to_owned(),
+        ]);
+    }
+    Table::new(
+        "Commands, a row for each move, settle and dwell",
+        &[
+            "clock",
+            "segment",
+            "position",
+            "for, s",
+            "from α, β, γ, °",
+            "to α, β, γ, °",
+            "gimbal rates, °/s",
+            "ω_c in x, y, z",
+            "steps",
+            "measured",
+        ],
+        rows,
+    )
+}
+
+/// In °/h while tracking, in °/s while turning.
+fn platform_rate(command: &crate::commands::Command) -> String {
+    let Some(omega) = command.platform_rate else {
+        return NONE.to_owned();
+    };
+    let turning = matches!(command.segment, Segment::Move | Segment::Return);
+    let parts = [omega.x, omega.y, omega.z].map(|v| match turning {
+        true => format!("{:.4}", Angle::from_rad(v).deg() + 0.0),
+        false => format!("{:.4}", AngularRate::from_rad_per_s(v).deg_per_h() + 0.0),
+    });
+    let unit = if turning { "°/s" } else { "°/h" };
+    format!("{} {unit}", parts.join(", "))
+}
+
+/// σ before and after, and the specification.
+pub(super) fn accuracy(subject: &Subject) -> Table {
+    let rows = subject.document.coefficients.iter().map(|c| {
+        let met = match (c.spec_deg_per_h, c.time_to_spec_s) {
+            (None, _) => NONE.to_owned(),
+            (Some(_), None) => "missed".to_owned(),
+            (Some(_), Some(t)) => seconds(t),
+        };
+        vec![
+            c.name.name().to_owned(),
+            number(c.prior_sigma_deg_per_h),
+            number(c.sigma_deg_per_h),
+            number(c.prior_sigma_deg_per_h / c.sigma_deg_per_h),
+            c.spec_deg_per_h.map_or_else(|| NONE.to_owned(), number),
+            met,
+        ]
+    });
+    Table::new(
+        "Coefficients after the test, 1σ, °/h (D_I, D_O, D_S: °/h per g)",
+        &[
+            "coefficient",
+            "before",
+            "after",
+            "times better",
+            "specification",
+            "met at, s",
+        ],
+        rows.collect(),
+    )
+}
+
+/// The misalignment at the end.
+pub(super) fn misalignment(subject: &Subject) -> Table {
+    let names = ["North", "Up", "East"];
+    let rows = subject.document.misalignment.iter().zip(names);
+    let rows = rows.map(|(m, axis)| vec![format!("{} ({axis})", m.name), number(m.sigma_arcsec)]);
+    Table::new(
+        "Misalignment at the end of the test, 1σ",
+        &["about", "arcsec"],
+        rows.collect(),
+    )
+}
+
+/// Orders and separability.
+pub(super) fn observability(subject: &Subject) -> Table {
+    let analysed = &subject.analysis.coefficients;
+    let rows = subject
+        .document
+        .coefficients
+        .iter()
+        .zip(analysed)
+        .map(|(c, a)| {
+            vec![
+                c.name.name().to_owned(),
+                order(c.observability_order),
+                order(a.observability_order_strict.map(|o| o.number())),
+                format!("{:.4}", c.separability_first_order),
+                format!("{:.4}", c.separability),
+            ]
+        });
+    Table::new(
+        "Observability of the coefficients",
+        &[
+            "coefficient",
+            "order",
+            "order, ψ_y counted strictly",
+            "separability by order 1",
+            "separability by all",
+        ],
+        rows.collect(),
+    )
+}
+
+/// The combinations that are known worst.
+pub(super) fn weak(subject: &Subject) -> Table {
+    let rows = subject.analysis.weak.iter().take(4).map(|w| {
+        let [x, z, y] = w.shares.map(|s| format!("{:.0} %", 100.0 * s));
+        vec![
+            w.name.clone(),
+            number(w.sigma_deg_per_h),
+            format!("{x}, {z}, {y}"),
+        ]
+    });
+    Table::new(
+        "Combinations known worst, of length one",
+        &[
+            "combination",
+            "σ, °/h",
+            "information by x, z (order 1) and y (order 2)",
+        ],
+        rows.collect(),
+    )
+}
+
+/// The strongest correlations.
+pub(super) fn correlations(subject: &Subject) -> Table {
+    let rows = subject.analysis.correlations.estimates.iter().map(|c| {
+        vec![
+            format!("{} and {}", c.a.name(), c.b.name()),
+            format!("{:.4}", c.correlation).replace('-', "−"),
+        ]
+    });
+    Table::new(
+        "Strongest correlations of the estimates",
+        &["pair", "correlation"],
+        rows.collect(),
+    )
+}
+
+/// The standard schemes beside this schedule.
+pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Table {
+    let d = &subject.document;
+    let with_criterion = d.score.criterion_name != "a";
+    let this = BaselineRecord {
+        name: "this schedule".to_owned(),
+        positions: d.schedule.positions.len(),
+        rms_sigma_deg_per_h: d.rms_sigma_deg_per_h,
+        ratio: Some(1.0),
+        criterion: d.score.criterion,
+        criterion_ratio: Some(1.0),
+    };
+    let rows = std::iter::once(&this).chain(baselines).map(|b| {
+        let mut row = vec![
+            b.name.clone(),
+            b.positions.to_string(),
+            number(b.rms_sigma_deg_per_h),
+            ratio(b.ratio),
+        ];
+        if with_criterion {
+            row.extend([number(b.criterion), ratio(b.criterion_ratio)]);
+        }
+        row
+    });
+    let criterion = format!("criterion {}", d.score.criterion_name);
+    let mut columns = vec!["scheme", "positions", "RMS σ, °/h", "ratio"];
+    if with_criterion {
+        columns.extend([criterion.as_str(), "its ratio"]);
+    }
+    Table::new(
+        "Standard schemes in the same time",
+        &columns,
+        rows.collect(),
+    )
+}
+
+/// The points of the front.
+pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> Table {
+    let rows = front.iter().map(|p| {
+        vec![
+            seconds(p.total_time_s),
+            number(p.criterion),
+            optional(p.lower_bound, number),
+            number(p.rms_sigma_deg_per_h),
+            p.schedule.positions.len().to_string(),
+        ]
+    });
+    let unit = match score.criterion_unit.as_str() {
+        "1" => "",
+        _ => ", °/h",
+    };
+    let criterion = format!("criterion {}{unit}", score.criterion_name);
+    Table::new(
+        "The front: every point is a schedule that the stand can run",
+        &[
+            "total time, s",
+            &criterion,
+            "none below",
+            "RMS σ, °/h",
+            "positions",
+        ],
+        rows.collect(),
+    )
+}
+
+/// Errors of the simulated runs.
+pub(super) fn simulated(d: &SimulationDocument) -> Table {
+    let mut rows: Vec<Vec<String>> = d
+        .coefficients
+        .iter()
+        .map(|c| {
+            vec![
+                format!("{}, °/h", c.name.name()),
+                number(c.rms_error_deg_per_h),
+                number(c.sigma_deg_per_h),
+                number(c.planned_sigma_deg_per_h),
+                optional(c.ratio, |r| format!("{r:.3}")),
+            ]
+        })
+        .collect();
+    rows.extend(d.misalignment.iter().map(|m| {
+        vec![
+            format!("{}, arcsec", m.name),
+            number(m.rms_error_arcsec),
+            number(m.sigma_arcsec),
+            number(m.planned_sigma_arcsec),
+            optional(m.ratio, |r| format!("{r:.3}")),
+        ]
+    }));
+    Table::new(
+        "Errors at the end of the simulated runs",
+        &[
+            "state",
+            "RMS error",
+            "σ of the filter",
+            "σ as planned",
+            "RMS of error/σ",
+        ],
+        rows,
+    )
+}
+
+/// Averages of the normalised squares, with their bounds.
+pub(super) fn consistency(d: &SimulationDocument) -> Table {
+    let row = |name: String, c: &Option<Consistency>| match c {
+        None => vec![name, NONE.into(), NONE.into(), NONE.into(), NONE.into()],
+        Some(c) => vec![
+            name,
+            c.degrees_of_freedom.to_string(),
+            number(c.average),
+            format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
+            c.verdict.to_string(),
+        ],
+    };
+    let mut rows = vec![
+        row("NEES, all states".to_owned(), &d.nees),
+        row("NEES, coefficients".to_owned(), &d.nees_coefficients),
+        row("NIS".to_owned(), &d.nis),
+    ];
+    let last = d.positions.len().saturating_sub(1);
+    for (i, p) in d.positions.iter().take(last).enumerate() {
+        let name = format!(
+            "NEES when position {} is left, {} s",
+            i + 1,
+            seconds(p.end_s)
+        );
+        rows.push(row(name, &p.nees));
+    }
+    Table::new(
+        "Consistency of the filter",
+        &[
+            "average of",
+            "expected",
+            "found",
+            "95 % bounds",
+            "the filter is",
+        ],
+        rows,
+    )
+}
+
+/// Consistency against the size of the prior.
+pub(super) fn sweep(d: &SimulationDocument) -> Table {
+    let rows = d.sweep.iter().map(|s| {
+        vec![
+            number(s.misalignment_deg),
+            number(s.drift_factor),
+            optional(s.nees, |n| number(n.average)),
+            optional(s.rms_error_deg_per_h, number),
+            number(s.rms_largest_misalignment_deg),
+        ]
+    });
+    Table::new(
+        "Prior against linearisation",
+        &[
+            "misalignment, °",
+            "drift, times",
+            "NEES",
+            "RMS error, °/h",
+            "farthest off, °",
+        ],
+        rows.collect(),
+    )
+}
+
+/// Schedules side by side.
+pub(super) fn compared(d: &ComparisonDocument) -> Table {
+    let has_spec = d.schedules.iter().any(|s| s.time_to_spec_s.is_some());
+    let with_criterion = d.criterion_name != "a";
+    let rows = d.schedules.iter().map(|s| {
+        let mut row = vec![
+            name(&s.name, &s.order),
+            s.positions.to_string(),
+            seconds(s.total_time_s),
+            seconds(s.overhead_s),
+            number(s.rms_sigma_deg_per_h),
+            ratio(s.ratio),
+            format!("{:.4}", s.least_separability),
+        ];
+        if with_criterion {
+            row.extend([number(s.criterion), ratio(s.criterion_ratio)]);
+        }
+        if has_spec {
+            row.push(
+                s.time_to_spec_s
+                    .map_or_else(|| "missed".to_owned(), seconds),
+            );
+        }
+        row
+    });
+    let criterion = format!("criterion {}", d.criterion_name);
+    let mut columns = vec![
+        "schedule",
+        "positions",
+        "time, s",
+        "moving, s",
+        "RMS σ, °/h",
+        "ratio",
+        "least separability",
+    ];
+    if with_criterion {
+        columns.extend([criterion.as_str(), "its ratio"]);
+    }
+    if has_spec {
+        columns.push("in specification, s");
+    }
+    Table::new(
+        "Schedules side by side, ratios to the first",
+        &columns,
+        rows.collect(),
+    )
+}
+
+/// σ of every coefficient by every schedule.
+pub(super) fn compared_coefficients(d: &ComparisonDocument) -> Table {
+    let mut columns = vec!["schedule"];
+    if let Some(first) = d.schedules.first() {
+        columns.extend(first.coefficients.iter().map(|c| c.name.name()));
+    }
+    let rows = d.schedules.iter().map(|s| {
+        let mut row = vec![name(&s.name, &s.order)];
+        row.extend(
+            s.coefficients
+                .iter()
+                .map(|c| number(1e3 * c.sigma_deg_per_h)),
+        );
+        row
+    });
+    Table::new(
+        "Coefficients after the test, 1σ, 10⁻³ °/h (D_I, D_O, D_S per g)",
+        &columns,
+        rows.collect(),
+    )
+}
+
+/// Name of a compared schedule, with the order of its positions where it is not its own.
+pub(super) fn name(name: &str, order: &str) -> String {
+    match order == crate::compare::Order::Best.name() {
+        true => format!("{name}, best order"),
+        false => name.to_owned(),
+    }
+}

@@ -1,0 +1,72 @@
+//! Numbers for people: four significant digits, durations, lists of names.
+
+/// A number with four significant digits.
+pub fn number(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let exponent = value.abs().log10().floor();
+    if (-5.0..6.0).contains(&exponent) {
+        let decimals = (3.0 - exponent).max(0.0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+/// A duration in seconds: whole, or to the tenth.
+pub fn seconds(value: f64) -> String {
+    if (value - value.round()).abs() < 0.05 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.1}")
+    }
+}
+
+/// A value that may be missing.
+pub fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
+    value.map_or_else(|| "-".to_owned(), show)
+}
+
+/// A list as people write it: `a, b and c`.
+pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    match names {
+        [] => String::new(),
+        [only] => only.as_ref().to_owned(),
+        [first @ .., last] => {
+            let first: Vec<&str> = first.iter().map(AsRef::as_ref).collect();
+            format!("{} and {}", first.join(", "), last.as_ref())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits() {
+        for (value, text) in [
+            (0.000_905_34, "0.0009053"),
+            (15.0, "15.00"),
+            (12_000.0, "12000"),
+            (1.0e-7, "1.000e-7"),
+            (0.0, "0"),
+            (f64::INFINITY, "-"),
+            (-3.5, "-3.500"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+        assert_eq!(seconds(120.0), "120");
+        assert_eq!(seconds(119.26), "119.3");
+    }
+
+    #[test]
+    fn lists_read_as_sentences_do() {
+        assert_eq!(listed(&["a"]), "a");
+        assert_eq!(listed(&["a", "b", "c"]), "a, b and c");
+    }
+}

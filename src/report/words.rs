@@ -1,0 +1,143 @@
+//! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
+
+use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument};
+
+use super::numbers::{number, seconds};
+
+/// The result in one line: accuracy, effort, and what the standard schemes make of the same time
+/// by the criterion of the search.
+pub fn verdict(document: &ResultDocument) -> String {
+    let found = &document.evaluation;
+    let score = &found.score;
+    let positions = found.schedule.positions.len();
+    let searched_for = match score.criterion_name.as_str() {
+        "a" => String::new(),
+        name => format!(
+            ", criterion {name} {} {}",
+            number(score.criterion),
+            score.criterion_unit
+        ),
+    };
+    let comparison = document.best_baseline().map_or_else(String::new, |best| {
+        let compared = compared(best.criterion_ratio);
+        format!(": {compared} the best standard scheme ({})", best.name)
+    });
+    format!(
+        "RMS sigma {} deg/h{searched_for} in {} s with {positions} position{}{comparison}\n",
+        number(found.rms_sigma_deg_per_h),
+        seconds(found.total_time_s),
+        if positions == 1 { "" } else { "s" },
+    )
+}
+
+/// A ratio of another schedule's criterion to this one's, in words.
+pub fn compared(ratio: Option<f64>) -> String {
+    match ratio.unwrap_or(f64::INFINITY) {
+        r if r >= 1.005 => format!("{r:.2} times better than"),
+        r if r <= 0.995 => format!("{:.2} times worse than", 1.0 / r),
+        _ => "as good as".to_owned(),
+    }
+}
+
+/// How far the schedule is from the best possible.
+pub fn within(certificate: &CertificateRecord) -> String {
+    let remarks: String = certificate
+        .remarks
+        .iter()
+        .map(|r| format!("; {r}"))
+        .collect();
+    let (bound, gap) = match (certificate.lower_bound, certificate.gap_percent) {
+        (Some(bound), Some(gap)) => (bound, gap),
+        (Some(bound), None) if certificate.total_time_s.is_none() => {
+            let bound = seconds(bound);
+            return format!("No schedule of {bound} s or less meets the specification{remarks}.");
+        }
+        _ => return format!("How far that is from the best possible is not known{remarks}."),
+    };
+    let gap = match gap {
+        gap if gap < 100.0 => format!("{gap:.1} %"),
+        gap => format!("a factor of {}", number(1.0 + gap / 100.0)),
+    };
+    let none = match certificate.total_time_s {
+        Some(time_s) => format!(
+            "in {} s none is below {}{}",
+            seconds(time_s),
+            number(bound),
+            match certificate.unit.as_str() {
+                "1" => String::new(),
+                unit => format!(" {unit}"),
+            }
+        ),
+        None => format!(
+            "none of {} s or less meets the specification",
+            seconds(bound)
+        ),
+    };
+    format!("Within {gap} of what any torquing programme could reach: {none}{remarks}.")
+}
+
+/// What the schedule can and cannot tell apart.
+pub fn observability(document: &EvaluationDocument) -> String {
+    let o = &document.observability;
+    if o.unobservable.is_empty() {
+        let weakest = document
+            .coefficients
+            .iter()
+            .min_by(|a, b| a.separability.total_cmp(&b.separability));
+        let condition = o
+            .condition_number
+            .map_or_else(String::new, |c| format!(", condition number {}", number(c)));
+        let weakest = weakest.map_or_else(String::new, |c| {
+            format!(
+                "; hardest to tell from the others: {} (separability {:.4})",
+                c.name.name(),
+                c.separability
+            )
+        });
+        return format!(
+            "All {} unknowns are observable{condition}{weakest}.",
+            o.unknowns
+        );
+    }
+    format!(
+        "{} of {} unknowns are observable. What the measurements cannot tell: {}. Of such a \
+         combination only the prior is known.",
+        o.rank,
+        o.unknowns,
+        o.unobservable.join("; ")
+    )
+}
+
+/// Whether the specification is met and when; none without a specification.
+pub fn specification(document: &EvaluationDocument) -> Option<String> {
+    let specified: Vec<_> = document
+        .coefficients
+        .iter()
+        .filter(|c| c.spec_deg_per_h.is_some())
+        .collect();
+    let last = specified
+        .iter()
+        .try_fold(0.0_f64, |last, c| Some(last.max(c.time_to_spec_s?)));
+    match (specified.is_empty(), last) {
+        (true, _) => None,
+        (false, Some(time)) => Some(format!(
+            "The specification is met: every coefficient that has one is within it from {} s on.",
+            seconds(time)
+        )),
+        (false, None) => {
+            let missed: Vec<String> = specified
+                .iter()
+                .filter(|c| c.time_to_spec_s.is_none())
+                .map(|c| {
+                    let spec = c.spec_deg_per_h.unwrap_or(f64::INFINITY);
+                    let (sigma, spec) = (number(c.sigma_deg_per_h), number(spec));
+                    format!("{} ({sigma} instead of {spec} deg/h)", c.name.name())
+                })
+                .collect();
+            Some(format!(
+                "The specification is not met: {}.",
+                super::numbers::listed(&missed)
+            ))
+        }
+    }
+}
