@@ -47,19 +47,21 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         to_csv(&outcome.schedule),
         json.clone(),
     ];
-    let written: Vec<String> = files
-        .commit(&contents)?
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
+    // The result of a long search is shown even where it cannot be written.
+    let committed = files.commit(&contents);
+    let paths = committed.as_deref().unwrap_or_default();
+    let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
     if args.common.json {
-        output.message(&format!("written: {}", written.join(", ")));
+        if !written.is_empty() {
+            output.message(&format!("written: {}", written.join(", ")));
+        }
         output.data(&json)?;
     } else {
         let timeline = Timeline::new(study.platform(), &outcome.schedule)?;
         let text = report::search(&document, study.platform(), &timeline, &written);
         output.data(&text)?;
     }
+    committed?;
     Ok(match outcome.status {
         Status::Converged | Status::TimeLimit => Exit::Done,
         Status::Infeasible => Exit::NoSchedule,

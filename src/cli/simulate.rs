@@ -14,7 +14,7 @@ use crate::study::Study;
 
 use super::Exit;
 use super::args::SimulateArgs;
-use super::files::OutputFiles;
+use super::files::{OutputFiles, remove_on_signal};
 use super::inputs;
 use super::output::Output;
 
@@ -49,6 +49,9 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
         .as_ref()
         .map(|directory| OutputFiles::prepare(directory, &FILES))
         .transpose()?;
+    if let Some(files) = &files {
+        remove_on_signal(files.litter());
+    }
     let seed = study.search().seed;
     let pool = inputs::thread_pool(&study)?;
     let (found, swept) = pool.install(|| {

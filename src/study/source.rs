@@ -36,7 +36,7 @@ impl StudySource {
     ///
     /// [`Error::is_io`] when the file cannot be read, otherwise as [`StudySource::parse`].
     pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(&text::read_text(path)?, Some(path))
+        Self::parse(&text::read_text(path, text::MAX_PLATFORM_BYTES)?, Some(path))
     }
 
     /// Takes the `text` of a platform file; `file` is what errors name.
@@ -322,7 +322,10 @@ fn unknown_key(path: &str, name: &str) -> Error {
 
 /// A text that is not TOML.
 fn syntax_error(text: &str, e: &toml::de::Error) -> Error {
-    let error = Error::input(e.message());
+    let error = Error::input(match e.message() {
+        "recursion limit" => "keys or values nested too deeply",
+        message => message,
+    });
     let Some(span) = e.span() else {
         return error;
     };

@@ -3,6 +3,8 @@
 mod commands;
 mod comparison;
 mod documents;
+mod input_files;
+mod interruption;
 mod refusals;
 
 use std::path::{Path, PathBuf};
