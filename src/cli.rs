@@ -10,6 +10,7 @@
 mod analyze;
 mod args;
 mod bound;
+mod checkpoint;
 mod compare;
 mod evaluate;
 mod files;

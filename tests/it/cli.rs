@@ -6,6 +6,7 @@ mod documents;
 mod input_files;
 mod interruption;
 mod refusals;
+mod resume;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

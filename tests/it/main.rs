@@ -10,10 +10,12 @@ mod batch;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
+mod extremes;
 mod gradient;
 mod limits;
 mod observability;
 mod physics;
+mod precision;
 mod reference;
 mod search;
 mod simulation;

@@ -349,7 +349,13 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    assert_eq!(names(&desk.path("out")).len(), 3);
+    let left = [
+        "checkpoint.json",
+        "result.json",
+        "schedule.csv",
+        "schedule.json",
+    ];
+    assert_eq!(names(&desk.path("out")), left);
 }
 
 #[test]
