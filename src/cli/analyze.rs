@@ -15,7 +15,7 @@ use super::output::Output;
 
 /// Runs the command.
 pub(super) fn run(args: &AnalyzeArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let (study, inputs) = inputs::load_for_evaluation(args.platform.as_deref(), &args.common)?;
     let schedule = file::read(&args.schedule)?;
     Timeline::new(study.platform(), &schedule).map_err(|e| {
         // What the platform cannot do is about a position of the schedule.

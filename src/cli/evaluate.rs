@@ -12,7 +12,7 @@ use super::{inputs, report};
 
 /// Runs the command.
 pub(super) fn run(args: &EvaluateArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let (study, inputs) = inputs::load_for_evaluation(args.platform.as_deref(), &args.common)?;
     let schedule = file::read(&args.schedule)?;
     let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
         // What the platform cannot do is about a position of the schedule.

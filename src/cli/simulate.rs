@@ -28,7 +28,7 @@ const SWEPT_FACTORS: [f64; 7] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 
 /// Runs the command.
 pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let (study, inputs) = inputs::load_for_evaluation(args.platform.as_deref(), &args.common)?;
     let schedule = file::read(&args.schedule)?;
     let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
         // What the platform cannot do is about a position of the schedule.

@@ -11,6 +11,7 @@ mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
 mod extremes;
+mod fuzz;
 mod gradient;
 mod limits;
 mod observability;
