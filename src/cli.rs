@@ -10,6 +10,7 @@
 mod analyze;
 mod args;
 mod bound;
+mod checkpoint;
 mod commands;
 mod compare;
 mod completions;

@@ -22,7 +22,7 @@
 
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
-use crate::covariance::reference::step_by_step;
+use crate::covariance::reference::{KNOWN, step_by_step};
 use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
@@ -202,7 +202,8 @@ impl Evaluator {
         let total_time_s = timeline.total_time_s();
         let mut recorder = HistoryRecorder::new(&timeline, self.objective.spec_deg_per_h);
         let checked = step_by_step(&self.platform, &timeline, &mut |m| recorder.observe(m))?;
-        let agreement = compare(&end, &checked)?;
+        let noise_arcsec = self.model.noise_variance.sqrt();
+        let agreement = compare(&end, &checked, noise_arcsec)?;
         let observability = Observability::analyze(&self.model, &timeline)?;
         Ok(Evaluation {
             total_time_s,
@@ -328,8 +329,9 @@ fn not_separable() -> CoefficientVector {
     CoefficientVector::repeat(-20.0)
 }
 
-/// The largest relative difference of a σ between two computations of the same covariance.
-fn compare(kernels: &EndCovariance, filter: &EndCovariance) -> Result<f64> {
+/// The largest relative difference of a σ between two computations of the same covariance;
+/// `noise_arcsec` is that of a measurement.
+fn compare(kernels: &EndCovariance, filter: &EndCovariance, noise_arcsec: f64) -> Result<f64> {
     let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
     let mut worst = 0.0_f64;
     for c in DriftCoefficient::ALL {
@@ -343,15 +345,16 @@ fn compare(kernels: &EndCovariance, filter: &EndCovariance) -> Result<f64> {
             ))
             .with_key(c.name())
             .with_hint(
-                "a prior more than about 1e10 times the final sigma is beyond what the filter \
-                 can follow in double precision; a stronger prior changes nothing else",
+                "the noises, the prior and the durations are too far apart for double precision",
             ));
         }
         worst = worst.max(difference);
     }
+    // A misalignment known exactly is one far below the noise to the filter.
+    let least = noise_arcsec * KNOWN / AGREEMENT;
     let psi = |end: &EndCovariance| end.misalignment_sigma_arcsec();
     for (a, b) in psi(kernels).iter().zip(psi(filter).iter()) {
-        let difference = if a == b { 0.0 } else { (a - b).abs() / b };
+        let difference = (a - b).abs() / b.max(2.0 * least);
         if difference.is_nan() || difference > AGREEMENT {
             return Err(Error::disagreement(format!(
                 "the dwell kernels and the step-by-step filter give different sigmas of the \

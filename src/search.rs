@@ -21,9 +21,11 @@
 //! at the cost of one dwell.
 //!
 //! The result depends on the problem and the seed only, not on the number of threads, unless a
-//! time limit or a cancellation ends the search early.
+//! time limit or a cancellation ends the search early. With a [`checkpoint`] it can be continued
+//! then, and ends where it would have.
 
 pub mod allocate;
+pub mod checkpoint;
 mod finish;
 pub mod front;
 mod improve;
@@ -38,6 +40,8 @@ mod table;
 mod tumbling;
 pub mod variables;
 mod workshop;
+
+use serde::{Deserialize, Serialize};
 
 use crate::criterion::Criterion;
 use crate::drift::DriftCoefficient;
@@ -107,7 +111,7 @@ impl Status {
 }
 
 /// How much work a search did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Counters {
     /// Values of schedules computed without gradient.
     pub evaluations: u64,

@@ -50,6 +50,8 @@ pub struct StudyConfig {
     pub search: SearchConfig,
 }
 
+const TOTAL_TIME: &str = "objective.total_time_s";
+
 impl Default for StudyConfig {
     fn default() -> Self {
         let mut config = Self {
@@ -86,8 +88,26 @@ impl StudyConfig {
     /// assert_eq!(error.key(), Some("objective.criterion"));
     /// ```
     pub fn check(&self) -> Result<Study> {
+        let study = self.check_for_evaluation()?;
+        self.check_limits_fit(&study.platform)?;
+        Ok(study)
+    }
+
+    /// The same, but for the limits of a search against each other: a schedule that is given can
+    /// be evaluated on a platform whose total time is shorter than its minimum dwell.
+    ///
+    /// # Errors
+    ///
+    /// As [`StudyConfig::check`].
+    pub fn check_for_evaluation(&self) -> Result<Study> {
         let platform = self.platform.check()?;
-        self.check_total_time(&platform)?;
+        in_range(
+            TOTAL_TIME,
+            self.objective.total_time_s,
+            f64::MIN_POSITIVE,
+            1e7,
+            "greater than 0, to 1e7",
+        )?;
         self.objective.score.check()?;
         let spec_deg_per_h = self.objective.spec_deg_per_h.check_spec()?;
         if spec_deg_per_h.is_none() {
@@ -105,23 +125,15 @@ impl StudyConfig {
         })
     }
 
-    fn check_total_time(&self, platform: &Platform) -> Result<()> {
-        const KEY: &str = "objective.total_time_s";
+    fn check_limits_fit(&self, platform: &Platform) -> Result<()> {
         let total_s = self.objective.total_time_s;
-        in_range(
-            KEY,
-            total_s,
-            f64::MIN_POSITIVE,
-            1e7,
-            "greater than 0, to 1e7",
-        )?;
         for (least, least_s, what) in [
             ("motion.min_dwell_s", platform.motion.min_dwell_s, "dwell"),
             ("filter.period_s", platform.period_s, "filter period"),
         ] {
             if total_s < least_s {
                 return Err(Error::input(format!("shorter than one {what}"))
-                    .with_key(KEY)
+                    .with_key(TOTAL_TIME)
                     .with_value(total_s)
                     .with_allowed(format!("at least {least} = {least_s}")));
             }

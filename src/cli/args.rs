@@ -163,6 +163,17 @@ pub(super) struct SearchArgs {
         allow_negative_numbers = true
     )]
     pub starts: Option<usize>,
+    /// Continue an interrupted search from the checkpoint in the output directory
+    #[arg(long)]
+    pub resume: bool,
+    /// Least time between two checkpoints
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 5.0,
+        allow_negative_numbers = true
+    )]
+    pub checkpoint_interval_s: f64,
     /// Leave out wall time and number of threads, so that equal inputs give equal files
     #[arg(long)]
     pub reproducible: bool,

@@ -73,19 +73,29 @@ impl OutputFiles {
     }
 
     /// Writes the `contents`, one for each name; only when all are on the disk does the first
-    /// take its place. Gives the paths.
+    /// take its place. Gives the paths. A directory that vanished meanwhile is made again.
     pub(super) fn commit(mut self, contents: &[String]) -> Result<Vec<PathBuf>> {
         for ((target, file), content) in self.files.iter_mut().zip(contents) {
-            fill(file, content).map_err(|e| Error::io("write the file", target, &e))?;
+            let cannot_write = |e: &std::io::Error| Error::io("write the file", target, e);
+            if !file.path().exists() {
+                *file = made_again(target).map_err(|e| cannot_write(&e))?;
+            }
+            fill(file, content).map_err(|e| cannot_write(&e))?;
         }
         let mut written = Vec::with_capacity(contents.len());
         for (target, file) in self.files.drain(..) {
-            file.persist(&target)
-                .map_err(|e| Error::io("write the file", &target, &e.error))?;
+            persist(file, &target, true).map_err(|e| Error::io("write the file", &target, &e))?;
             written.push(target);
         }
         Ok(written)
     }
+}
+
+/// A temporary file for `target` in place of one that is gone, its directory too perhaps.
+fn made_again(target: &Path) -> std::io::Result<NamedTempFile> {
+    let directory = directory_of(target);
+    std::fs::create_dir_all(directory)?;
+    temporary_in(directory)
 }
 
 impl Drop for OutputFiles {
@@ -102,18 +112,41 @@ pub(super) fn write_file(path: &Path, content: &str, overwrite: bool) -> Result<
     if path.exists() && !path.is_file() && !path.is_dir() {
         return std::fs::write(path, content).map_err(|e| failed(&e));
     }
-    let directory = match path.parent() {
+    let mut file = temporary_in(directory_of(path)).map_err(|e| failed(&e))?;
+    fill(&mut file, content).map_err(|e| failed(&e))?;
+    persist(file, path, overwrite).map_err(|e| failed(&e))
+}
+
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
-    };
-    let mut file = temporary_in(directory).map_err(|e| failed(&e))?;
-    fill(&mut file, content).map_err(|e| failed(&e))?;
-    let persisted = if overwrite {
-        file.persist(path)
-    } else {
-        file.persist_noclobber(path)
-    };
-    persisted.map(drop).map_err(|e| failed(&e.error))
+    }
+}
+
+/// Gives a finished temporary file its name, and has the directory remember it.
+fn persist(file: NamedTempFile, target: &Path, overwrite: bool) -> std::io::Result<()> {
+    match overwrite {
+        true => file.persist(target),
+        false => file.persist_noclobber(target),
+    }
+    .map_err(|e| e.error)?;
+    // The name is on the disk only after this. Some file systems cannot do it for a directory;
+    // the file itself is safe by then.
+    #[cfg(unix)]
+    if let Ok(directory) = std::fs::File::open(directory_of(target)) {
+        let _ = directory.sync_all();
+    }
+    Ok(())
+}
+
+/// Ends the process when it is interrupted, without leaving `litter` behind.
+pub(super) fn remove_on_signal(litter: Litter) {
+    // Without a handler a signal ends the process too, only less tidily.
+    let _ = ctrlc::set_handler(move || {
+        litter.remove();
+        std::process::exit(i32::from(super::Exit::Interrupted.code()));
+    });
 }
 
 fn fill(file: &mut NamedTempFile, content: &str) -> std::io::Result<()> {

@@ -37,6 +37,25 @@ pub(super) fn load(
     common: &Common,
     starts: Option<usize>,
 ) -> Result<(Study, Inputs)> {
+    load_and(StudySource::check, platform, common, starts)
+}
+
+/// The same for a command that is given its schedule: what limits a search may be at odds.
+pub(super) fn load_for_evaluation(
+    platform: Option<&Path>,
+    common: &Common,
+) -> Result<(Study, Inputs)> {
+    load_and(StudySource::check_for_evaluation, platform, common, None)
+}
+
+type Check = fn(&StudySource) -> Result<Study>;
+
+fn load_and(
+    check: Check,
+    platform: Option<&Path>,
+    common: &Common,
+    starts: Option<usize>,
+) -> Result<(Study, Inputs)> {
     let mut source = source(platform)?;
     let (objective, search) = (&mut source.config.objective, &mut source.config.search);
     let overrides = [
@@ -74,7 +93,7 @@ pub(super) fn load(
             "--time-limit-s",
         ),
     ];
-    checked(source, &overrides)
+    checked(source, &overrides, check)
 }
 
 /// A schedule that somebody gave, on the platform it is for.
@@ -87,7 +106,7 @@ pub(super) struct GivenSchedule {
 
 /// Reads platform and schedule, and puts the one on the other.
 pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSchedule> {
-    let (study, inputs) = load(given.platform.as_deref(), common, None)?;
+    let (study, inputs) = load_for_evaluation(given.platform.as_deref(), common)?;
     let (schedule, timeline) = on_platform(&given.schedule, &study)?;
     Ok(GivenSchedule {
         study,
@@ -122,7 +141,7 @@ pub(super) fn load_with_total_time(
         "objective.total_time_s",
         "--total-time-s",
     );
-    checked(source, &[total_time]).map(|(study, _)| study)
+    checked(source, &[total_time], StudySource::check).map(|(study, _)| study)
 }
 
 /// The threads that the study asks for.
@@ -145,11 +164,15 @@ fn source(platform: Option<&Path>) -> Result<StudySource> {
     }
 }
 
-fn checked(mut source: StudySource, overrides: &[Override]) -> Result<(Study, Inputs)> {
+fn checked(
+    mut source: StudySource,
+    overrides: &[Override],
+    check: Check,
+) -> Result<(Study, Inputs)> {
     for o in overrides.iter().filter(|o| o.given) {
         source.override_key(o.key);
     }
-    let study = source.check().map_err(|e| name_option(e, overrides))?;
+    let study = check(&source).map_err(|e| name_option(e, overrides))?;
     let inputs = Inputs {
         config: study.config().clone(),
         defaulted: source.defaulted().to_vec(),

@@ -50,7 +50,9 @@ pub(super) fn search(
     }
     text.push('\n');
     text.push_str(&work(document));
-    text.push_str(&format!("\nWritten: {}\n", files.join("\n         ")));
+    if !files.is_empty() {
+        text.push_str(&format!("\nWritten: {}\n", files.join("\n         ")));
+    }
     text
 }
 

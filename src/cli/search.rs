@@ -1,7 +1,7 @@
 //! `search`: finds and writes the recommended schedule.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
@@ -22,6 +22,7 @@ use crate::study::{Mode, Study};
 
 use super::Exit;
 use super::args::SearchArgs;
+use super::checkpoint::Checkpoint;
 use super::files::{Litter, OutputFiles};
 use super::output::Output;
 use super::progress::ProgressDisplay;
@@ -44,7 +45,21 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let in_file = |e| name_file(e, args);
     let evaluator = study.evaluator();
     let files = OutputFiles::prepare(&args.output, &FILES)?;
-    let outcome = run_search(&study, &evaluator, files.litter(), output).map_err(in_file)?;
+    let interval = checkpoint_interval(args)?;
+    let checkpoint = Checkpoint::open(&args.output, &study, args.resume, output)?;
+    let (stop_saving, stopped) = mpsc::channel();
+    let outcome = std::thread::scope(|scope| {
+        let saver = &checkpoint;
+        scope.spawn(move || saver.keep_saving(interval, &stopped, output));
+        let outcome = run_search(&study, &evaluator, &checkpoint, files.litter(), output);
+        drop(stop_saving);
+        outcome
+    })
+    .map_err(in_file)?;
+    let unfinished = matches!(outcome.status, Status::Interrupted | Status::TimeLimit);
+    if unfinished && let Err(e) = checkpoint.save() {
+        output.message(&format!("note: no checkpoint is kept: {e}"));
+    }
     let wall_time_s = (!args.reproducible).then(|| started.elapsed().as_secs_f64());
     let document = document(&study, &evaluator, &outcome, wall_time_s, inputs);
     let document =
@@ -59,17 +74,22 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         json.clone(),
         html::result(&document)?,
     ];
-    let written: Vec<String> = files
-        .commit(&contents)?
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
+    // The result of a long search is shown even where it cannot be written.
+    let committed = files.commit(&contents);
+    let paths = committed.as_deref().unwrap_or_default();
+    let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
     if args.common.json {
-        output.message(&format!("written: {}", written.join(", ")));
+        if !written.is_empty() {
+            output.message(&format!("written: {}", written.join(", ")));
+        }
         output.data(&json)?;
     } else {
         let text = report::search(&document, study.platform(), &timeline, &written);
         output.data(&text)?;
+    }
+    committed?;
+    if !unfinished {
+        checkpoint.discard();
     }
     Ok(match outcome.status {
         Status::Converged | Status::TimeLimit => Exit::Done,
@@ -93,6 +113,7 @@ fn name_file(error: Error, args: &SearchArgs) -> Error {
 fn run_search(
     study: &Study,
     evaluator: &Evaluator,
+    checkpoint: &Checkpoint,
     litter: Litter,
     output: Output,
 ) -> Result<SearchOutcome> {
@@ -102,7 +123,9 @@ fn run_search(
     cancel_on_signal(Arc::clone(&cancel), display.bar(), litter, output);
     let report = |p: &_| display.report(p);
     let deadline = study.search().time_limit_s.and_then(deadline_after);
-    let control = Control::new(&cancel, &report).with_deadline(deadline);
+    let control = Control::new(&cancel, &report)
+        .with_deadline(deadline)
+        .with_journal(checkpoint.journal());
     let problem = study.search_problem();
     let outcome = pool.install(|| match study.objective().mode {
         Mode::Accuracy => search(evaluator, &problem, &control),
@@ -111,6 +134,12 @@ fn run_search(
     });
     display.finish();
     outcome
+}
+
+fn checkpoint_interval(args: &SearchArgs) -> Result<Duration> {
+    let seconds = args.checkpoint_interval_s;
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| Error::out_of_range("--checkpoint-interval-s", seconds, "0 or more seconds"))
 }
 
 /// The moment that lies so far ahead; none: beyond what the clock can hold.

@@ -13,7 +13,7 @@ use crate::study::Study;
 
 use super::Exit;
 use super::args::SimulateArgs;
-use super::files::OutputFiles;
+use super::files::{OutputFiles, remove_on_signal};
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 use super::page;
@@ -46,6 +46,9 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
         .as_ref()
         .map(|directory| OutputFiles::prepare(directory, &FILES))
         .transpose()?;
+    if let Some(files) = &files {
+        remove_on_signal(files.litter());
+    }
     let seed = study.search().seed;
     let pool = inputs::thread_pool(&study)?;
     let (found, swept) = pool.install(|| {

@@ -195,16 +195,18 @@ impl CovarianceModel {
     pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
         let mut rows = Rows::new(&self.prior_sigma);
         let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
-        Ok(EndCovariance::new(rows.covariance()?, &state))
+        Ok(EndCovariance::new(rows.covariance_root()?, &state))
     }
 }
 
 impl EndCovariance {
-    /// ψ^n's covariance is P + V P_D Vᵀ.
-    fn new(coefficients: CoefficientMatrix, state: &State) -> Self {
+    /// P_D = L Lᵀ; ψ^n's covariance is P + (V L)(V L)ᵀ. By V P_D Vᵀ it would be a difference of
+    /// large numbers under weak priors, and could come out negative.
+    fn new(root: CoefficientMatrix, state: &State) -> Self {
+        let through_drift = state.v * root;
         Self {
-            coefficients,
-            misalignment: state.p + state.v * coefficients * state.v.transpose(),
+            coefficients: root * root.transpose(),
+            misalignment: state.p + through_drift * through_drift.transpose(),
         }
     }
 }

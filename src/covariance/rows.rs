@@ -34,12 +34,12 @@ impl Rows {
         }
     }
 
-    /// P_D = S (RᵀR + I)⁻¹ S with S the prior σ.
+    /// L with P_D = L Lᵀ = S (RᵀR + I)⁻¹ S, S the prior σ.
     ///
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
-    pub fn covariance(mut self) -> Result<CoefficientMatrix> {
+    pub fn covariance_root(mut self) -> Result<CoefficientMatrix> {
         self.compress();
         let mut with_prior = SMatrix::<f64, { 2 * COEFFICIENTS }, COEFFICIENTS>::zeros();
         with_prior
@@ -61,7 +61,7 @@ impl Rows {
         for (i, mut row) in root.row_iter_mut().enumerate() {
             row *= self.prior_sigma[i];
         }
-        Ok(root * root.transpose())
+        Ok(root)
     }
 
     fn compress(&mut self) {

@@ -178,7 +178,7 @@ fn check_schema(schema: &str) -> Result<()> {
 /// [`Error::is_io`] when the file cannot be read; [`Error::is_input`] naming file, line, key,
 /// value and what is allowed when its content is not acceptable.
 pub fn read(path: &Path) -> Result<Schedule> {
-    let text = text::read_text(path)?;
+    let text = text::read_text(path, text::MAX_SCHEDULE_BYTES)?;
     let extension = path.extension().and_then(|e| e.to_str());
     let is_json = match extension.map(str::to_ascii_lowercase).as_deref() {
         Some("json") => true,

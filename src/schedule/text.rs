@@ -7,37 +7,47 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Largest input file, bytes. A schedule of the most positions allowed takes a few megabytes.
-pub(crate) const MAX_FILE_BYTES: u64 = 64 << 20;
+/// Largest platform file, bytes. The commented one takes a few kilobytes; parsed TOML takes some
+/// hundred times its text in memory.
+pub(crate) const MAX_PLATFORM_BYTES: u64 = 1 << 20;
 
-/// The text of a file, without a byte order mark.
+/// Largest schedule file, bytes. A schedule of the most positions allowed takes about two million.
+pub(crate) const MAX_SCHEDULE_BYTES: u64 = 8 << 20;
+
+/// The text of a file of at most `most_bytes`, without a byte order mark.
 ///
 /// # Errors
 ///
-/// [`Error::is_io`] when the file cannot be opened or read; [`Error::is_input`] for a directory,
-/// a file larger than [`MAX_FILE_BYTES`] (of which no more than that is read), and text that is
-/// not UTF-8.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
+/// [`Error::is_io`] when the file cannot be opened or read; [`Error::is_input`] for anything that
+/// is not a regular file (or a link to one), a file larger than `most_bytes` (of which no more
+/// than that is read), and text that is not UTF-8.
+pub(crate) fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
     let cannot_read = |e: &std::io::Error| Error::io("read the file", path, e);
-    let file = File::open(path).map_err(|e| cannot_read(&e))?;
-    let metadata = file.metadata().map_err(|e| cannot_read(&e))?;
+    // Asked before opening: to open a pipe nobody writes to would wait for ever.
+    let metadata = std::fs::metadata(path).map_err(|e| cannot_read(&e))?;
     if metadata.is_dir() {
         return Err(Error::input("a directory, not a file").with_file(path));
+    }
+    if !metadata.is_file() {
+        return Err(Error::input("a pipe, socket or device, not a file")
+            .with_file(path)
+            .with_hint("write it to a file first"));
     }
     let too_large = || {
         Error::input("the file is too large")
             .with_file(path)
-            .with_allowed(format!("at most {} MiB", MAX_FILE_BYTES >> 20))
+            .with_allowed(format!("at most {} MiB", most_bytes >> 20))
     };
-    if metadata.len() > MAX_FILE_BYTES {
+    if metadata.len() > most_bytes {
         return Err(too_large());
     }
-    // Pipes and devices have no length to ask for, so the reading is limited as well.
+    // The length asked for may be out of date, so the reading is limited as well.
+    let file = File::open(path).map_err(|e| cannot_read(&e))?;
     let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1)
+    file.take(most_bytes + 1)
         .read_to_end(&mut bytes)
         .map_err(|e| cannot_read(&e))?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
+    if bytes.len() as u64 > most_bytes {
         return Err(too_large());
     }
     decode(bytes).map_err(|e| e.with_file(path))
@@ -114,10 +124,12 @@ pub(crate) fn with_nearest<'a>(
     }
 }
 
-/// A value from a file, short enough to be shown in a message.
+/// A value from a file, short enough to be shown in a message, and without control characters,
+/// which could do as they please with the reader's terminal.
 pub(crate) fn shown(value: &str) -> String {
     const LONGEST: usize = 40;
     let one_line = value.split_whitespace().collect::<Vec<_>>().join(" ");
+    let one_line = one_line.replace(char::is_control, "\u{fffd}");
     if one_line.chars().count() <= LONGEST {
         return one_line;
     }
@@ -147,6 +159,13 @@ mod tests {
     }
 
     #[test]
+    fn values_are_shown_short_and_without_control_characters() {
+        assert_eq!(shown("a\n\t b"), "a b");
+        assert_eq!(shown("\u{1b}[31mred\u{7}"), "\u{fffd}[31mred\u{fffd}");
+        assert_eq!(shown(&"x".repeat(41)).chars().count(), 41);
+    }
+
+    #[test]
     fn lines_are_counted_from_one() {
         let text = "a\nb\r\nc";
         for (offset, line) in [(0, 1), (2, 2), (5, 3), (99, 3)] {
@@ -159,26 +178,31 @@ mod tests {
     #[test]
     fn files_that_are_no_text_are_refused_with_their_name() {
         let dir = tempfile::tempdir().unwrap();
-        let error = read_text(dir.path()).unwrap_err();
+        let error = read_text(dir.path(), 100).unwrap_err();
         assert!(error.is_input() || error.is_io());
         assert_eq!(error.file(), Some(dir.path()));
 
         let missing = dir.path().join("missing.toml");
-        let error = read_text(&missing).unwrap_err();
+        let error = read_text(&missing, 100).unwrap_err();
         assert!(error.is_io());
         assert_eq!(error.file(), Some(missing.as_path()));
 
         let path = dir.path().join("file");
         std::fs::write(&path, b"one\ntwo \xff\xff").unwrap();
-        let error = read_text(&path).unwrap_err();
+        let error = read_text(&path, 100).unwrap_err();
         assert!(error.is_input());
         assert_eq!(error.line(), Some(2));
 
         std::fs::write(&path, b"\xff\xfea\0b\0").unwrap();
-        assert!(read_text(&path).unwrap_err().to_string().contains("UTF-16"));
+        assert!(
+            read_text(&path, 100)
+                .unwrap_err()
+                .to_string()
+                .contains("UTF-16")
+        );
 
         std::fs::write(&path, "\u{feff}text").unwrap();
-        assert_eq!(read_text(&path).unwrap(), "text");
+        assert_eq!(read_text(&path, 100).unwrap(), "text");
     }
 
     #[test]
@@ -186,9 +210,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("huge");
         let file = File::create(&path).unwrap();
-        file.set_len(MAX_FILE_BYTES + 1).unwrap();
-        let error = read_text(&path).unwrap_err();
+        file.set_len(1 << 30).unwrap();
+        let error = read_text(&path, MAX_SCHEDULE_BYTES).unwrap_err();
         assert!(error.is_input());
-        assert_eq!(error.allowed(), Some("at most 64 MiB"));
+        assert_eq!(error.allowed(), Some("at most 8 MiB"));
     }
 }

@@ -225,7 +225,11 @@ impl Sweep<'_> {
                 .clone()
                 .fitted(self.evaluator.platform(), problem.total_time_s)
         });
-        let Some(offered) = plan.and_then(|plan| finish(context, &plan)) else {
+        let stage = self.work.next_stage();
+        let name = || format!("{stage}/offer");
+        let offered =
+            plan.and_then(|plan| context.remembered(name, |context| finish(context, &plan)));
+        let Some(offered) = offered else {
             return;
         };
         if found[to].as_ref().is_none_or(|c| offered.merit < c.merit) {

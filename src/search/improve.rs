@@ -39,43 +39,53 @@ const GAIN: f64 = 2e-5;
 /// Random streams of the kicks begin here, those of the starts end before.
 const FIRST_STREAM: u64 = 1 << 40;
 
-/// The plan that proposals lead to from `best`; `stream` tells the random streams of several
-/// plans apart.
+/// Which of several plans is improved.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// Stage of the search.
+    pub stage: u64,
+    /// Tells the random streams of several plans apart.
+    pub stream: u64,
+}
+
+/// The plan that proposals lead to from `best`.
 pub(super) fn improve(
     context: Context<'_>,
     workshop: &impl Workshop,
     smoothing: Smoothing,
     mut best: Refined,
-    stream: u64,
+    place: Place,
 ) -> Refined {
     let mut random = ChaCha8Rng::seed_from_u64(context.problem.seed);
-    random.set_stream(FIRST_STREAM + stream);
+    random.set_stream(FIRST_STREAM + place.stream);
     let mut ideas = Ideas::of(context, smoothing, &best.plan);
     let mut idle = 0;
-    for _ in 0..MOST_BATCHES {
+    for count in 0..MOST_BATCHES {
         if idle >= PATIENCE || context.must_stop() {
             break;
         }
         let batch = ideas.batch(context, &best.plan, &mut random);
-        let tried: Vec<Option<Refined>> = batch
-            .into_par_iter()
-            .map(|plan| workshop.try_out(context, &workshop.admit(context, plan), smoothing))
-            .collect();
-        let charged = |r: &Refined| charged(context, r);
-        let winner = tried
-            .into_iter()
-            .flatten()
-            .reduce(|best, r| {
-                if charged(&r) < charged(&best) {
-                    r
-                } else {
-                    best
-                }
-            })
-            .filter(|r| charged(r) < charged(&best) - GAIN);
+        let Place { stage, stream } = place;
+        let name = || format!("{stage}/batch/{stream}/{count}");
+        let winner = context.remembered(name, |context| {
+            let tried: Vec<Option<Refined>> = batch
+                .into_par_iter()
+                .map(|plan| workshop.try_out(context, &workshop.admit(context, plan), smoothing))
+                .collect();
+            let charged = |r: &Refined| charged(context, r);
+            let winner = tried
+                .into_iter()
+                .flatten()
+                .reduce(|best, r| match charged(&r) < charged(&best) {
+                    true => r,
+                    false => best,
+                })
+                .filter(|r| charged(r) < charged(&best) - GAIN)?;
+            Some(workshop.work_out(context, winner, smoothing))
+        });
         match winner {
             Some(winner) => {
-                best = workshop.work_out(context, winner, smoothing);
+                best = winner;
                 ideas = Ideas::of(context, smoothing, &best.plan);
                 idle = 0;
             }

@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::checkpoint::Memorable;
 use super::finish::FreeAngles;
-use super::improve::improve;
+use super::improve::{Place, improve};
 use super::refine::{Refined, refine};
 use super::table::{OnTable, Table, screen_on_table};
 use super::variables::Plan;
@@ -29,7 +30,7 @@ impl Context<'_> {
     pub fn must_stop(&self) -> bool {
         let stop = self.control.should_stop();
         if stop {
-            self.work.cut_short.store(true, Ordering::Relaxed);
+            self.work.cut_short();
         }
         stop
     }
@@ -49,6 +50,9 @@ pub(crate) struct Work {
     evaluations: AtomicU64,
     gradients: AtomicU64,
     starts: AtomicU64,
+    /// Stages of the search begun: a stage is one problem's starts worked through, or one plan
+    /// worked out on the way. They follow one another, whatever the number of threads.
+    stages: AtomicU64,
     cut_short: AtomicBool,
 }
 
@@ -67,6 +71,23 @@ impl Work {
             gradients: self.gradients.load(Ordering::Relaxed),
             starts: self.starts.load(Ordering::Relaxed),
         }
+    }
+
+    /// Adds work that was done elsewhere.
+    pub fn add(&self, counters: Counters) {
+        self.count_evaluations(counters.evaluations);
+        self.count_gradients(counters.gradients);
+        self.starts.fetch_add(counters.starts, Ordering::Relaxed);
+    }
+
+    /// The number of the stage that begins now.
+    pub fn next_stage(&self) -> u64 {
+        self.stages.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Remembers that work was left undone.
+    pub fn cut_short(&self) {
+        self.cut_short.store(true, Ordering::Relaxed);
     }
 
     pub fn was_cut_short(&self) -> bool {
@@ -119,8 +140,10 @@ fn best_in(
     workshop: &impl Workshop,
     warm: &[Plan],
 ) -> Result<Option<Candidate>> {
-    let starts = propose::starts(context.evaluator, context.problem)?;
-    let mut finalists = screen(context, starts);
+    let stage = context.work.next_stage();
+    let starts =
+        propose::starts_while(context.evaluator, context.problem, &|| !context.must_stop())?;
+    let mut finalists = screen(context, stage, starts);
     finalists.truncate(FINALISTS);
     let known = warm.iter().filter_map(|plan| {
         plan.clone()
@@ -128,23 +151,24 @@ fn best_in(
     });
     let plans: Vec<Plan> = known.chain(finalists.into_iter().map(|r| r.plan)).collect();
     let smoothing = context.first_smoothing();
-    let settle = |plan: Plan| workshop.settle(context, &plan, smoothing);
-    let mut settled = in_parallel(context, Phase::Finishing, plans, settle);
+    let settle = |context: Context<'_>, _, plan: Plan| workshop.settle(context, &plan, smoothing);
+    let mut settled = in_parallel(context, stage, Phase::Finishing, plans, settle);
     settled.sort_by(|a, b| a.merit.total_cmp(&b.merit));
     // The same basin twice is worked on once.
     settled.dedup_by(|b, a| b.merit - a.merit < SAME_BASIN);
     // A neighbouring problem has been improved already.
     settled.truncate(if warm.is_empty() { IMPROVED } else { 1 });
-    let numbered: Vec<(u64, Refined)> = (0..).zip(settled).collect();
-    let improve = |(stream, plan): (u64, Refined)| {
+    let improve = |context: Context<'_>, stream: u64, plan: Refined| {
         let (smoothing, plan) = sharpened(context, workshop, plan);
-        let improved = improve(context, workshop, smoothing, plan, stream);
+        let place = Place { stage, stream };
+        let improved = improve(context, workshop, smoothing, plan, place);
         workshop.polish(context, improved)
     };
     Ok(best_of(in_parallel(
         context,
+        stage,
         Phase::Improving,
-        numbered,
+        settled,
         improve,
     )))
 }
@@ -169,23 +193,25 @@ fn sharpened(
 }
 
 /// Does a piece of work on each item, in parallel, the first whatever the control says; results
-/// in the order of the items.
-fn in_parallel<T: Send, U: Shown + Send>(
+/// in the order of the items. What the journal has done is not done again.
+fn in_parallel<T: Send, U: Shown + Memorable + Send>(
     context: Context<'_>,
+    stage: u64,
     phase: Phase,
     items: Vec<T>,
-    work: impl Fn(T) -> Option<U> + Sync,
+    work: impl Fn(Context<'_>, u64, T) -> Option<U> + Sync,
 ) -> Vec<U> {
     let total = items.len() as u64;
     let done = AtomicU64::new(0);
-    items
+    let numbered: Vec<(u64, T)> = (0..).zip(items).collect();
+    numbered
         .into_par_iter()
-        .enumerate()
         .filter_map(|(index, item)| {
-            if index > 0 && context.must_stop() {
+            let name = || format!("{stage}/{}/{index}", phase.name());
+            if index > 0 && !context.is_remembered(name) && context.must_stop() {
                 return None;
             }
-            let result = work(item);
+            let result = context.remembered(name, |context| work(context, index, item));
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             let criterion = result.as_ref().and_then(|r| r.criterion(context));
             context.control.report(phase, count, total, criterion);
@@ -225,10 +251,10 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
 
 /// Refines every start for a while; returns them best first. The first start is worked on
 /// whatever the control says, so that there always is a best so far.
-fn screen(context: Context<'_>, starts: Vec<Plan>) -> Vec<Refined> {
+fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
     let smoothing = context.first_smoothing();
     let table = Table::new(context.evaluator.platform()).filter(Table::is_coarse);
-    let work = |plan: Plan| {
+    let work = |context: Context<'_>, _, plan: Plan| {
         let result = match &table {
             // Free angles say little about a coarse table.
             Some(table) => screen_on_table(context, table, &plan),
@@ -239,7 +265,7 @@ fn screen(context: Context<'_>, starts: Vec<Plan>) -> Vec<Refined> {
         context.work.starts.fetch_add(1, Ordering::Relaxed);
         result
     };
-    let mut refined = in_parallel(context, Phase::Screening, starts, work);
+    let mut refined = in_parallel(context, stage, Phase::Screening, starts, work);
     refined.sort_by(|a, b| a.merit.total_cmp(&b.merit));
     refined
 }

@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use super::checkpoint::Journal;
+
 /// What a search is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Phase {
@@ -14,6 +16,18 @@ pub enum Phase {
     Improving,
     /// Confirming the winner with the step-by-step filter.
     Checking,
+}
+
+impl Phase {
+    /// The name used in checkpoints.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Screening => "screening",
+            Self::Finishing => "finishing",
+            Self::Improving => "improving",
+            Self::Checking => "checking",
+        }
+    }
 }
 
 /// One report of progress. Reports come from several threads, in no fixed order.
@@ -41,6 +55,7 @@ pub struct Control<'a> {
     cancel: &'a AtomicBool,
     progress: &'a (dyn Fn(&Progress) + Sync),
     deadline: Option<Instant>,
+    journal: Option<&'a Journal>,
 }
 
 impl<'a> Control<'a> {
@@ -50,6 +65,7 @@ impl<'a> Control<'a> {
             cancel,
             progress,
             deadline: None,
+            journal: None,
         }
     }
 
@@ -58,6 +74,17 @@ impl<'a> Control<'a> {
     pub fn with_deadline(mut self, deadline: Option<Instant>) -> Self {
         self.deadline = deadline;
         self
+    }
+
+    /// Skips what `journal` has finished, and adds what gets finished.
+    #[must_use]
+    pub fn with_journal(mut self, journal: &'a Journal) -> Self {
+        self.journal = Some(journal);
+        self
+    }
+
+    pub(crate) fn journal(&self) -> Option<&'a Journal> {
+        self.journal
     }
 
     /// Whether the search was cancelled.

@@ -28,6 +28,15 @@ const LARGEST_START: usize = 40;
 ///
 /// [`Error::is_infeasible`] when not even one position fits into the time.
 pub fn starts(evaluator: &Evaluator, problem: &SearchProblem) -> Result<Vec<Plan>> {
+    starts_while(evaluator, problem, &|| true)
+}
+
+/// The same as long as `go_on` says so, but at least one.
+pub(super) fn starts_while(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Vec<Plan>> {
     let platform = evaluator.platform();
     let needed = platform.shortest_dwell_s();
     if problem.total_time_s < needed {
@@ -37,6 +46,7 @@ pub fn starts(evaluator: &Evaluator, problem: &SearchProblem) -> Result<Vec<Plan
             .with_allowed(format!("at least {needed} s")));
     }
     let mut starts = (0..problem.starts.max(1))
+        .take_while(|k| *k == 0 || go_on())
         .map(|k| start(platform, problem, k))
         .collect::<Result<Vec<Plan>>>()?;
     // The standard schemes too, so that no recommendation is worse than they are.

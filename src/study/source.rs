@@ -36,7 +36,10 @@ impl StudySource {
     ///
     /// [`Error::is_io`] when the file cannot be read, otherwise as [`StudySource::parse`].
     pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(&text::read_text(path)?, Some(path))
+        Self::parse(
+            &text::read_text(path, text::MAX_PLATFORM_BYTES)?,
+            Some(path),
+        )
     }
 
     /// Takes the `text` of a platform file; `file` is what errors name.
@@ -111,6 +114,17 @@ impl StudySource {
     /// As [`StudyConfig::check`], with file and line of the value that is not acceptable.
     pub fn check(&self) -> Result<Study> {
         self.config.check().map_err(|e| self.located(e))
+    }
+
+    /// The study checked, for evaluating a schedule that is given.
+    ///
+    /// # Errors
+    ///
+    /// As [`StudyConfig::check_for_evaluation`], with file and line.
+    pub fn check_for_evaluation(&self) -> Result<Study> {
+        self.config
+            .check_for_evaluation()
+            .map_err(|e| self.located(e))
     }
 
     /// Adds where the value that `error` is about was given.
@@ -322,7 +336,10 @@ fn unknown_key(path: &str, name: &str) -> Error {
 
 /// A text that is not TOML.
 fn syntax_error(text: &str, e: &toml::de::Error) -> Error {
-    let error = Error::input(e.message());
+    let error = Error::input(match e.message() {
+        "recursion limit" => "keys or values nested too deeply",
+        message => message,
+    });
     let Some(span) = e.span() else {
         return error;
     };

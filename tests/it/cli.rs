@@ -4,9 +4,12 @@ mod commands;
 mod comparison;
 mod documents;
 mod guides;
+mod input_files;
+mod interruption;
 mod manual;
 mod pages;
 mod refusals;
+mod resume;
 mod schemas;
 
 use std::path::{Path, PathBuf};

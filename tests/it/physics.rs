@@ -1,10 +1,10 @@
 //! What the physics demands of any covariance, whatever its numbers.
 
-use nalgebra::Rotation3;
+use nalgebra::{Matrix3, Rotation3};
 use proptest::prelude::*;
 use scheme_opt::attitude::{Attitude, Position};
 use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
-use scheme_opt::drift::CoefficientVector;
+use scheme_opt::drift::{CoefficientVector, DriftCoefficient};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
 use scheme_opt::schedule::{Schedule, ScheduledPosition};
@@ -27,6 +27,21 @@ fn at_least_as_good(better: &CoefficientVector, worse: &CoefficientVector) -> bo
         .iter()
         .zip(worse.iter())
         .all(|(b, w)| *b <= w * (1.0 + 1e-9))
+}
+
+/// Both the same, to a relative `tolerance`.
+fn same(a: &CoefficientVector, b: &CoefficientVector, tolerance: f64) -> bool {
+    a.iter()
+        .zip(b.iter())
+        .all(|(a, b)| a == b || (a / b - 1.0).abs() < tolerance)
+}
+
+/// The axis whose g-component excites a coefficient; none for the constant drifts.
+fn g_axis(c: DriftCoefficient) -> Option<usize> {
+    let excites = |axis: &usize| c.factor(&nalgebra::Vector3::ith(*axis, 1.0)) != 0.0;
+    (c.factor(&nalgebra::Vector3::zeros()) == 0.0)
+        .then(|| (0..3).find(excites))
+        .flatten()
 }
 
 prop_compose! {
@@ -141,6 +156,91 @@ proptest! {
         prop_assert!((va.max() / vb.max() - 1.0).abs() < 1e-7);
         let psi = (a.misalignment - b.misalignment).amax() / a.misalignment.amax();
         prop_assert!(psi < 1e-7, "{psi}");
+    }
+
+    #[test]
+    fn nothing_is_forgotten_when_the_last_dwell_gets_longer(
+        config in config(), positions in schedule(), more in 0.0..2000.0_f64,
+    ) {
+        let mut longer = positions.clone();
+        longer[positions.len() - 1].dwell_s += more;
+        prop_assert!(at_least_as_good(&sigma(&config, &longer), &sigma(&config, &positions)));
+    }
+
+    #[test]
+    fn at_a_pole_turning_the_scheme_about_the_vertical_changes_nothing(
+        mut config in config(), positions in schedule(), turn in -3.1..3.1_f64, south in any::<bool>(),
+    ) {
+        // There is no north: the Earth turns about the vertical itself.
+        config.site.latitude_deg = if south { -90.0 } else { 90.0 };
+        config.motion.slew_rate_deg_per_s = None;
+        let about_up = Rotation3::from_axis_angle(&nalgebra::Vector3::y_axis(), turn);
+        let turned: Vec<_> = positions.iter().map(|p| {
+            let c = about_up * Rotation3::from_matrix_unchecked(*p.position.attitude().matrix());
+            ScheduledPosition::new(Attitude::from_rotation(c).position(), p.dwell_s)
+        }).collect();
+        let (a, b) = (end(&config, positions), end(&config, turned));
+        prop_assert!(same(&a.sigma_deg_per_h(), &b.sigma_deg_per_h(), 1e-7));
+        prop_assert!((a.misalignment[(1, 1)] / b.misalignment[(1, 1)] - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_mirrored_scheme_is_as_good_on_the_other_hemisphere(
+        mut config in config(), positions in schedule(),
+    ) {
+        // Reflect north in n and x in the platform: rates are axial vectors, so that ω_N keeps
+        // its sign, ω_U does not, and every coefficient goes into plus or minus itself.
+        config.motion.slew_rate_deg_per_s = None;
+        let mirror = Matrix3::from_diagonal(&nalgebra::Vector3::new(-1.0, 1.0, 1.0));
+        let mirrored: Vec<_> = positions.iter().map(|p| {
+            let c = mirror * p.position.attitude().matrix() * mirror;
+            let c = Rotation3::from_matrix_unchecked(c);
+            ScheduledPosition::new(Attitude::from_rotation(c).position(), p.dwell_s)
+        }).collect();
+        let here = sigma(&config, &positions);
+        config.site.latitude_deg = -config.site.latitude_deg;
+        prop_assert!(same(&here, &sigma(&config, &mirrored), 1e-7));
+    }
+
+    #[test]
+    fn another_name_for_the_axes_is_another_name_for_the_coefficients(
+        mut config in config(), positions in schedule(), forward in any::<bool>(),
+    ) {
+        // x → y → z → x in the platform, or back, with one prior for all coefficients of a kind.
+        config.motion.slew_rate_deg_per_s = None;
+        let cycle = Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+        let cycle = if forward { cycle } else { cycle.transpose() };
+        let renamed: Vec<_> = positions.iter().map(|p| {
+            let c = Rotation3::from_matrix_unchecked(*p.position.attitude().matrix());
+            let c = c * Rotation3::from_matrix_unchecked(cycle.transpose());
+            ScheduledPosition::new(Attitude::from_rotation(c).position(), p.dwell_s)
+        }).collect();
+        let (old, new) = (sigma(&config, &positions), sigma(&config, &renamed));
+        let to = |axis: usize| if forward { (axis + 1) % 3 } else { (axis + 2) % 3 };
+        for c in DriftCoefficient::ALL {
+            let is_image = |d: &&DriftCoefficient| {
+                d.gyro() == to(c.gyro())
+                    && g_axis(**d) == g_axis(c).map(to)
+            };
+            let image = DriftCoefficient::ALL.iter().find(is_image).unwrap();
+            let ratio = new[image.index()] / old[c.index()];
+            prop_assert!((ratio - 1.0).abs() < 1e-7, "{} {}: {ratio}", c.name(), image.name());
+        }
+    }
+
+    #[test]
+    fn a_unit_is_only_a_unit(config in config(), positions in schedule(), log in -2.0..2.0_f64) {
+        // All noises and priors in a unit k times as large: every σ is k times as large.
+        let k = 10.0_f64.powf(log);
+        let mut scaled = config.clone();
+        scaled.accelerometer.noise_g *= k;
+        scaled.gyro.random_drift_deg_per_h = config.gyro.random_drift_deg_per_h.map(|d| k * d);
+        scaled.prior.misalignment_deg = AxisValue::All(0.1 * k);
+        scaled.prior.constant_drift_deg_per_h = AxisValue::All(15.0 * k);
+        scaled.prior.g_sensitive_drift_deg_per_h_per_g =
+            GSensitivePrior::All(AxisValue::All(8.0 * k));
+        let (a, b) = (sigma(&config, &positions) * k, sigma(&scaled, &positions));
+        prop_assert!(same(&a, &b, 1e-8));
     }
 }
 

@@ -221,24 +221,35 @@ fn search_prints_the_document_and_nothing_else_with_json() {
 #[test]
 fn equal_inputs_give_equal_bytes_whatever_the_number_of_threads() {
     let desk = Desk::new();
-    let outputs = ["1", "2"].map(|threads| {
-        let run = ["search", "--starts", "4", "--reproducible", "--json"];
-        let args = [&run[..], &["--threads", threads, "-o", threads]].concat();
-        desk.done(&args)
+    let threads = ["1", "2", "4", "8"];
+    let outputs = threads.map(|threads| {
+        let run = ["search", "--starts", "3", "--max-positions", "10"];
+        let form = [
+            "--reproducible",
+            "--json",
+            "--threads",
+            threads,
+            "-o",
+            threads,
+        ];
+        desk.done(&[&run[..], &form].concat())
     });
-    assert_eq!(outputs[0], outputs[1]);
     assert!(!outputs[0].contains("wall_time_s"));
-    for name in [
+    let files = [
         "schedule.json",
         "schedule.csv",
         "commands.csv",
         "result.json",
         "report.html",
-    ] {
-        assert_eq!(
-            desk.text(&format!("1/{name}")),
-            desk.text(&format!("2/{name}"))
-        );
+    ];
+    for (threads, output) in threads.iter().zip(&outputs) {
+        assert_eq!(output, &outputs[0], "{threads} threads");
+        for name in files {
+            assert_eq!(
+                desk.text(&format!("{threads}/{name}")),
+                desk.text(&format!("1/{name}"))
+            );
+        }
     }
 }
 
@@ -364,7 +375,15 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    assert_eq!(names(&desk.path("out")).len(), 5);
+    let left = [
+        "checkpoint.json",
+        "commands.csv",
+        "report.html",
+        "result.json",
+        "schedule.csv",
+        "schedule.json",
+    ];
+    assert_eq!(names(&desk.path("out")), left);
 }
 
 #[test]

@@ -147,6 +147,23 @@ fn what_the_platform_cannot_do_names_the_schedule_file() {
 }
 
 #[test]
+fn what_limits_a_search_does_not_stop_an_evaluation() {
+    let desk = Desk::new();
+    desk.write("s.csv", SCHEDULE);
+    desk.write(
+        "p.toml",
+        "[motion]\nmin_dwell_s = 500\n[objective]\ntotal_time_s = 400\n",
+    );
+    for command in ["evaluate", "analyze", "simulate"] {
+        desk.done(&[command, "-s", "s.csv", "--platform", "p.toml", "--json"]);
+    }
+    desk.run(&["search", "p.toml"]).refused(&["p.toml:4"]);
+    desk.write("p.toml", "[objective]\ntotal_time_s = -1\n");
+    desk.run(&["evaluate", "-s", "s.csv", "--platform", "p.toml"])
+        .refused(&["p.toml:2", "objective.total_time_s = -1"]);
+}
+
+#[test]
 fn unreadable_files_are_refused() {
     let desk = Desk::new();
     desk.write("latin.toml", b"[site]\n# \xb0\nlatitude_deg = 1\n");

@@ -1,0 +1,211 @@
+//! What is done of a search, so that an interrupted one can go on where it stopped.
+//!
+//! A search is a tree of pieces of work (a start screened, a finalist worked out, a batch of
+//! proposals tried), each a function of the problem and of results before it alone. A finished
+//! piece is handed to a [`Journal`] under a name that says where in the tree it is; before a piece
+//! is begun, the journal is asked for it. A search with a journal filled by an earlier run of the
+//! same problem therefore takes the same way, skips what is done, and ends with the same result and
+//! the same counters. Pieces that were cut short are not handed over.
+//!
+//! The library keeps no files: where a journal comes from and where it goes is its owner's
+//! business.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::Counters;
+use super::pipeline::{Candidate, Context, Work};
+use super::refine::Refined;
+use super::variables::Plan;
+
+/// A finished piece of work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Finished {
+    /// What came of it; none: nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<FinishedPlan>,
+    /// Work it took.
+    pub counters: Counters,
+}
+
+/// The plan that came of a piece of work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FinishedPlan {
+    /// (α, β, γ) of each position, rad.
+    pub angles_rad: Vec<[f64; 3]>,
+    /// Dwell at each position, s.
+    pub dwell_s: Vec<f64>,
+    /// The figure of merit, lower is better.
+    pub merit: f64,
+    /// Value of the criterion (°/h; max-ratio: 1), where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub criterion: Option<f64>,
+}
+
+/// Remembers the finished pieces of a search. Used from several threads.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+/// use scheme_opt::evaluate::{Evaluator, Objective};
+/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::search::checkpoint::Journal;
+/// use scheme_opt::search::{Control, SearchProblem, search};
+///
+/// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
+/// let problem = SearchProblem { max_positions: 2, starts: 1, ..SearchProblem::default() };
+/// let (cancel, journal) = (AtomicBool::new(false), Journal::default());
+/// let control = Control::new(&cancel, &|_| {}).with_journal(&journal);
+/// let first = search(&evaluator, &problem, &control)?;
+/// // All of it is remembered now.
+/// assert_eq!(search(&evaluator, &problem, &control)?, first);
+/// # Ok::<(), scheme_opt::Error>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct Journal(Mutex<BTreeMap<String, Finished>>);
+
+impl Journal {
+    /// A journal of what was finished before, by name.
+    pub fn new(finished: BTreeMap<String, Finished>) -> Self {
+        Self(Mutex::new(finished))
+    }
+
+    /// What is finished, by name.
+    pub fn finished(&self) -> BTreeMap<String, Finished> {
+        self.lock().clone()
+    }
+
+    /// How many pieces are finished.
+    pub fn len(&self) -> usize {
+        self.lock().len()
+    }
+
+    /// Whether nothing is finished.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn recall(&self, name: &str) -> Option<Finished> {
+        self.lock().get(name).cloned()
+    }
+
+    fn record(&self, name: String, finished: Finished) {
+        self.lock().insert(name, finished);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, Finished>> {
+        // A panic elsewhere leaves whole entries.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What a journal can hold.
+pub(super) trait Memorable: Sized {
+    fn to_finished(&self) -> FinishedPlan;
+    fn from_finished(finished: FinishedPlan) -> Option<Self>;
+}
+
+impl Memorable for Refined {
+    fn to_finished(&self) -> FinishedPlan {
+        FinishedPlan {
+            angles_rad: self.plan.angles.clone(),
+            dwell_s: self.plan.dwell_s.clone(),
+            merit: self.merit,
+            criterion: None,
+        }
+    }
+
+    fn from_finished(finished: FinishedPlan) -> Option<Self> {
+        Some(Self {
+            merit: finished.merit,
+            plan: plan(finished)?,
+        })
+    }
+}
+
+impl Memorable for Candidate {
+    fn to_finished(&self) -> FinishedPlan {
+        FinishedPlan {
+            angles_rad: self.plan.angles.clone(),
+            dwell_s: self.plan.dwell_s.clone(),
+            merit: self.merit,
+            criterion: Some(self.criterion),
+        }
+    }
+
+    fn from_finished(finished: FinishedPlan) -> Option<Self> {
+        Some(Self {
+            merit: finished.merit,
+            criterion: finished.criterion?,
+            plan: plan(finished)?,
+        })
+    }
+}
+
+impl FinishedPlan {
+    fn is_finite(&self) -> bool {
+        let angles = self.angles_rad.iter().flatten();
+        let numbers = angles.chain(&self.dwell_s).chain(&self.criterion);
+        self.merit.is_finite() && numbers.copied().all(f64::is_finite)
+    }
+}
+
+/// None for what no search wrote: a journal may come from a file.
+fn plan(finished: FinishedPlan) -> Option<Plan> {
+    let sound = finished.is_finite()
+        && !finished.angles_rad.is_empty()
+        && finished.angles_rad.len() == finished.dwell_s.len()
+        && finished.dwell_s.iter().all(|d| *d >= 0.0);
+    sound.then_some(Plan {
+        angles: finished.angles_rad,
+        dwell_s: finished.dwell_s,
+    })
+}
+
+impl Context<'_> {
+    /// Does a piece of work, unless the journal has it done; `name` says where in the search it
+    /// is.
+    pub(super) fn remembered<T: Memorable>(
+        self,
+        name: impl FnOnce() -> String,
+        work: impl FnOnce(Context<'_>) -> Option<T>,
+    ) -> Option<T> {
+        let Some(journal) = self.control.journal() else {
+            return work(self);
+        };
+        let name = name();
+        if let Some(Finished { plan, counters }) = journal.recall(&name) {
+            match plan.map(T::from_finished) {
+                None => {
+                    self.work.add(counters);
+                    return None;
+                }
+                Some(Some(result)) => {
+                    self.work.add(counters);
+                    return Some(result);
+                }
+                // Not what a search writes: do it anew.
+                Some(None) => {}
+            }
+        }
+        let own = Work::default();
+        let result = work(Context { work: &own, ..self });
+        let plan = result.as_ref().map(T::to_finished);
+        if own.was_cut_short() {
+            self.work.cut_short();
+        } else if !self.control.should_stop() && plan.as_ref().is_none_or(FinishedPlan::is_finite) {
+            // Once a search is to stop, what is left of it goes another way.
+            let counters = own.counters();
+            journal.record(name, Finished { plan, counters });
+        }
+        self.work.add(own.counters());
+        result
+    }
+
+    /// Whether the journal has a piece of work done.
+    pub(super) fn is_remembered(&self, name: impl FnOnce() -> String) -> bool {
+        let journal = self.control.journal();
+        journal.is_some_and(|journal| journal.lock().contains_key(&name()))
+    }
+}
