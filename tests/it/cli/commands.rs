@@ -359,13 +359,10 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    let left = [
-        "checkpoint.json",
-        "result.json",
-        "schedule.csv",
-        "schedule.json",
-    ];
-    assert_eq!(names(&desk.path("out")), left);
+    // And a checkpoint, if any start was finished by then.
+    let mut left = names(&desk.path("out"));
+    left.retain(|name| name != "checkpoint.json");
+    assert_eq!(left, ["result.json", "schedule.csv", "schedule.json"]);
 }
 
 #[test]
