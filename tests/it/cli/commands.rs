@@ -296,7 +296,7 @@ fn a_time_limit_gives_the_best_so_far() {
     let report = desk.done(&args);
     assert!(report.contains("time-limit"), "{report}");
     assert_eq!(desk.json("out/result.json")["status"], "time-limit");
-    assert_eq!(names(&desk.path("out")).len(), 5);
+    assert!(names(&desk.path("out")).len() >= 5);
 }
 
 #[test]
@@ -375,15 +375,17 @@ fn an_interrupted_search_writes_the_best_so_far() {
     assert_eq!(run.code, Some(130), "{}", run.stderr);
     assert!(run.stderr.contains("interrupted"), "{}", run.stderr);
     assert_eq!(desk.json("out/result.json")["status"], "interrupted");
-    let left = [
-        "checkpoint.json",
+    // And a checkpoint, if any start was finished by then.
+    let mut left = names(&desk.path("out"));
+    left.retain(|name| name != "checkpoint.json");
+    let all = [
         "commands.csv",
         "report.html",
         "result.json",
         "schedule.csv",
         "schedule.json",
     ];
-    assert_eq!(names(&desk.path("out")), left);
+    assert_eq!(left, all);
 }
 
 #[test]
