@@ -7,7 +7,13 @@ use std::time::{Duration, Instant};
 use super::{Desk, Run, names};
 use crate::support::Random;
 
-const RESULTS: [&str; 3] = ["result.json", "schedule.csv", "schedule.json"];
+const RESULTS: [&str; 5] = [
+    "commands.csv",
+    "report.html",
+    "result.json",
+    "schedule.csv",
+    "schedule.json",
+];
 
 /// A problem that exercises what the arguments ask for, in a second or two.
 struct Problem {
