@@ -43,6 +43,7 @@ fn is_for_cargo(line: &str) -> bool {
         "cargo doc",
         "cargo run --release --example",
         "cargo install",
+        "cargo +nightly fuzz",
     ]
     .iter()
     .any(|c| line.starts_with(c))
