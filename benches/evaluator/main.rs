@@ -7,11 +7,19 @@
 //! - `naive_filter`: the Kalman filter on the 15×15 covariance, nalgebra's static matrices;
 //! - `square_root_filter`: the square-root filter on faer, which keeps its digits.
 //!
+//! `cargo bench --bench evaluator -- --ratios` measures the ratios to the first of them, in turn.
+//!
 //! `peak_fma` is the rate of fused multiply-adds that this core reaches on registers alone.
 
-#![allow(clippy::unwrap_used, missing_docs, reason = "a bench has no callers")]
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a bench has no callers, and prints"
+)]
 
 mod naive;
+mod ratios;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -24,8 +32,15 @@ use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{Platform, PlatformConfig};
 use scheme_opt::schedule::{Schedule, ScheduledPosition};
 
+/// Operations per schedule of twelve known dwells, in a lane: `the_work_of_a_schedule_is_what_it_was`.
+const OPERATIONS: f64 = 8017.0;
+
 fn main() {
-    divan::main();
+    if std::env::args().any(|arg| arg == "--ratios") {
+        ratios::print(OPERATIONS);
+    } else {
+        divan::main();
+    }
 }
 
 /// Numbers of positions.
@@ -34,6 +49,8 @@ const COUNTS: [usize; 4] = [8, 12, 24, 48];
 const TOTAL_S: f64 = 12_000.0;
 /// Schedules in a batch.
 const BATCH: usize = 64;
+/// The same where the dwells are known beforehand.
+const MANY: usize = 512;
 
 /// What the schedules of a case have.
 #[derive(Clone, Copy)]
@@ -189,7 +206,7 @@ fn batch_value(bencher: Bencher<'_, '_>, count: usize) {
 /// The dwells of a case, known beforehand, and the attitudes of its schedules.
 fn known_dwells(case: Case, lanes: usize) -> (DwellSequence, Vec<Vec<Attitude>>) {
     let model = case.model().with_most_lanes(lanes);
-    let timelines: Vec<Timeline> = (0..BATCH).map(|i| case.timeline(i)).collect();
+    let timelines: Vec<Timeline> = (0..MANY).map(|i| case.timeline(i)).collect();
     let dwells = model.dwell_sequence(&timelines[0], TickRule::Relaxed);
     let attitudes = |t: &Timeline| t.legs().iter().map(|l| l.attitude).collect();
     (dwells.unwrap(), timelines.iter().map(attitudes).collect())
@@ -200,7 +217,7 @@ fn bench_known_batch(bencher: Bencher<'_, '_>, count: usize, lanes: usize) {
     let all: Vec<&[Attitude]> = attitudes.iter().map(Vec::as_slice).collect();
     let weights = CoefficientVector::repeat(1.0);
     bencher
-        .counter(ItemsCount::new(BATCH))
+        .counter(ItemsCount::new(MANY))
         .bench(|| dwells.weighted_traces(black_box(&all), &weights));
 }
 

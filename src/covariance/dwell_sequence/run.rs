@@ -359,28 +359,50 @@ impl<A: Arithmetic> Work for Collect<'_, A> {
     }
 }
 
-/// Block `B`, of gyros `J` and `K`.
+/// Block `B`, of gyros `J` and `K`; where registers are few, half of it at a time.
 #[inline(always)]
 fn collect<A: Arithmetic, const J: usize, const K: usize, const B: usize>(run: &mut Run<A>) {
-    let ar = run.ar;
-    let panel = run.panel.get(..run.on_panel).unwrap_or(&[]);
-    let mut e = run.e[B];
+    if A::MANY_REGISTERS {
+        collect_rows::<A, J, K, B, 0, 4>(run);
+    } else {
+        collect_rows::<A, J, K, B, 0, 2>(run);
+        collect_rows::<A, J, K, B, 2, 4>(run);
+    }
     let mut n_hh = run.n_hh[B];
     if run.fresh {
-        e = [ar.quad([ar.number(0.0); 4]); 4];
-        n_hh = Gravity::zeros(ar);
+        n_hh = Gravity::zeros(run.ar);
     }
-    for leg in panel {
-        three!(|r| four!(|a| {
+    for leg in run.panel.get(..run.on_panel).unwrap_or(&[]) {
+        n_hh = leg.hh.times_add(leg.n[B], &n_hh);
+    }
+    run.n_hh[B] = n_hh;
+}
+
+/// Rows `FIRST..END` of Σ XᵀX.
+#[inline(always)]
+fn collect_rows<
+    A: Arithmetic,
+    const J: usize,
+    const K: usize,
+    const B: usize,
+    const FIRST: usize,
+    const END: usize,
+>(
+    run: &mut Run<A>,
+) {
+    let mut e = run.e[B];
+    if run.fresh {
+        e = [run.ar.quad([run.ar.number(0.0); 4]); 4];
+    }
+    for leg in run.panel.get(..run.on_panel).unwrap_or(&[]) {
+        three!(|r| four!(|a| if a >= FIRST && a < END {
             let first = if J == K { a } else { 0 };
             e[a] = leg.x[r][K].times_add_from(leg.x[r][J].get(a), e[a], first);
         }));
     }
-    run.e[B] = e;
-    for leg in panel {
-        n_hh = leg.hh.times_add(leg.n[B], &n_hh);
-    }
-    run.n_hh[B] = n_hh;
+    four!(|a| if a >= FIRST && a < END {
+        run.e[B][a] = e[a];
+    });
 }
 
 /// tr(W P_D) with P_D = (E + prior information)⁻¹ = Σ_k d_k w_kᵀ w_k, w_k the rows of L⁻¹.

@@ -114,6 +114,7 @@ impl Arithmetic for Counting {
     type Quad = Array<Counted, 4>;
     type Node = Counted;
     const NODES: usize = 1;
+    const MANY_REGISTERS: bool = true;
 
     fn number(self, value: f64) -> Counted {
         Counted(value)

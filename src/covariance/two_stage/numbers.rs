@@ -152,6 +152,9 @@ pub(crate) trait Arithmetic: Copy + Debug {
     type Node: Number;
     /// How many nodes that is.
     const NODES: usize;
+    /// Whether four quads fit into registers with room to work: one schedule has a quad in a
+    /// register; of lanes, AVX-512 has thirty-two registers and the others sixteen.
+    const MANY_REGISTERS: bool;
 
     /// A constant.
     fn number(self, value: f64) -> Self::Number;
@@ -269,6 +272,7 @@ impl Arithmetic for Plain {
     type Quad = Array<f64, 4>;
     type Node = Four;
     const NODES: usize = 4;
+    const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
@@ -534,6 +538,7 @@ impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
     type Quad = Register<S, FUSED, Align32>;
     type Node = Register<S, FUSED, Align32>;
     const NODES: usize = 4;
+    const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
@@ -580,6 +585,7 @@ impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
     type Quad = Array<Register<S, true, L>, 4>;
     type Node = Register<S, true, L>;
     const NODES: usize = 1;
+    const MANY_REGISTERS: bool = S::F64_LANES == MOST_LANES;
 
     #[inline(always)]
     fn apart<W: Work>(self, work: W) -> W::Output {
