@@ -5,6 +5,11 @@
 //! registers, and the factorisation at the end goes by the same blocks. Written as one pass over E
 //! per leg the same arithmetic takes twice the time, all of it loads and stores of E.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "indices are the formulas' own, and closures would not be compiled with the caller"
+)]
+
 use nalgebra::Matrix3;
 
 use crate::attitude::{Attitude, NORTH, UP};
