@@ -18,7 +18,7 @@
 //! only the prior knows keeps its digits beside what the measurements tell 1e16 times better; a
 //! square root of the covariance, which carries the digits of its largest entry, loses them. A
 //! coefficient known exactly has s = 0: its column is zero, and it stays known. A misalignment
-//! known exactly is one known to [`KNOWN`] of the noise of a measurement.
+//! known exactly is one known to 1e-9 of the noise of a measurement.
 //!
 //! It shares no numerics with the [`chain`](super::chain): Φ and Γ come from a Taylor series,
 //! moves from Runge–Kutta steps, the drift from the platform-frame equations (3) turned into n;

@@ -17,7 +17,7 @@ impl Platform {
     ///
     /// # Errors
     ///
-    /// [`Error::is_input`] when the platform could not have executed `done`.
+    /// [`Error::is_input`](crate::Error::is_input) when the platform could not have executed `done`.
     ///
     /// ```
     /// use scheme_opt::attitude::Position;
