@@ -169,8 +169,9 @@ impl Timeline {
         Self { legs, positions }
     }
 
-    /// The part of [`Timeline::with_position`] that is another, position `index` and the arrival
-    /// at the one that follows, and how much longer the whole takes, s.
+    /// Position `index` exchanged for another one, its dwell kept: its leg and the arrival at the
+    /// one that follows, and how much longer the whole takes, s. For timelines without moves of
+    /// their own.
     pub(crate) fn exchange(
         &self,
         platform: &Platform,
@@ -178,28 +179,40 @@ impl Timeline {
         position: Position,
     ) -> (Self, f64) {
         let at = self.positions.start + index;
-        // A test that returns to its first position has another return too.
-        let returns_here = at == 0 && self.positions.end < self.legs.len();
-        if returns_here || at + 2 == self.legs.len() {
-            let changed = self.with_position(platform, index, position);
-            let more_s = changed.total_time_s() - self.total_time_s();
-            return (changed.part(at..at + 1), more_s);
-        }
+        let last = self.legs.len() - 1;
+        let returns = last == self.positions.end;
+        // Without a start attitude a test returns to its first position.
+        let home_is_here = returns && at == 0;
+        let arrived_anew = |k: usize, from: Position| {
+            let mut leg = self.legs[k];
+            let is_return = returns && k == last;
+            if is_return && home_is_here {
+                leg.position = position;
+                leg.attitude = position.attitude();
+            }
+            let held = ScheduledPosition {
+                move_measured: is_return.then_some(false),
+                ..ScheduledPosition::new(leg.position, leg.dwell_s)
+            };
+            leg.arrival = Self::arrival(platform, Some(from), &held);
+            (leg, leg.duration_s() - self.legs[k].duration_s())
+        };
         let before = at.checked_sub(1).map(|k| self.legs[k].position);
         let held = ScheduledPosition::new(position, self.legs[at].dwell_s);
         let mut part = self.part(at..at + 1);
         part.legs[0] = Self::leg(platform, before, &held);
+        let mut more_s = part.legs[0].duration_s() - self.legs[at].duration_s();
         if let Some(next) = part.legs.get_mut(1) {
-            let held = ScheduledPosition::new(next.position, 0.0);
-            next.arrival = Self::arrival(platform, Some(position), &held);
+            let (leg, longer_s) = arrived_anew(at + 1, position);
+            *next = Leg {
+                dwell_s: 0.0,
+                ..leg
+            };
+            more_s += longer_s;
         }
-        let of = |leg: Option<&Leg>| leg.map_or(0.0, Leg::duration_s);
-        let next_s = self
-            .legs
-            .get(at + 1)
-            .map_or(0.0, |l| l.duration_s() - l.dwell_s);
-        let was_s = self.legs[at].duration_s() + next_s;
-        let more_s = of(part.legs.first()) + of(part.legs.get(1)) - was_s;
+        if home_is_here && at + 1 < last {
+            more_s += arrived_anew(last, self.legs[last - 1].position).1;
+        }
         (part, more_s)
     }
 
@@ -216,47 +229,6 @@ impl Timeline {
         Self { legs, positions }
     }
 
-    /// The same timeline with another position number `index`, its dwell kept: two legs and, if
-    /// the test returns to it, the return change. For timelines without moves of their own.
-    pub(crate) fn with_position(
-        &self,
-        platform: &Platform,
-        index: usize,
-        position: Position,
-    ) -> Self {
-        let mut changed = self.clone();
-        let legs = &mut changed.legs;
-        let here = self.positions.start + index;
-        let before = here.checked_sub(1).map(|k| legs[k].position);
-        let held = ScheduledPosition::new(position, legs[here].dwell_s);
-        legs[here] = Self::leg(platform, before, &held);
-        let last = legs.len() - 1;
-        let returns = last == self.positions.end;
-        if returns && here == 0 {
-            legs[last].position = position;
-            legs[last].attitude = legs[here].attitude;
-        }
-        let mut arrive_anew = |k: usize| {
-            let (from, measured) = (
-                legs[k - 1].position,
-                (k == last && returns).then_some(false),
-            );
-            let held = ScheduledPosition {
-                move_measured: measured,
-                ..ScheduledPosition::new(legs[k].position, legs[k].dwell_s)
-            };
-            legs[k].arrival = Self::leg(platform, Some(from), &held).arrival;
-        };
-        if here < last {
-            arrive_anew(here + 1);
-        }
-        if returns && here + 1 < last {
-            arrive_anew(last);
-        }
-        changed
-    }
-
-    /// One leg, unchecked.
     /// The move to a position, from where there is one.
     fn arrival(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Option<Move> {
         let motion = &platform.motion;
@@ -278,6 +250,7 @@ impl Timeline {
         })
     }
 
+    /// One leg, unchecked.
     fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
         let arrival = Self::arrival(platform, from, p);
         Leg {

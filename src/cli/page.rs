@@ -2,18 +2,22 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::report::html;
+use crate::schedule::text;
 
 use super::Exit;
 use super::args::ReportArgs;
 use super::files::write_file;
 use super::output::Output;
 
+/// Largest document that is read, bytes: a long front with all its schedules has a tenth of it.
+const MAX_BYTES: u64 = 1 << 28;
+
 /// Runs the command.
 pub(super) fn run(args: &ReportArgs, output: Output) -> Result<Exit> {
     let path = &args.document;
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io("read the file", path, &e))?;
+    let text = text::read_text(path, MAX_BYTES)?;
     let page = html::from_json(&text).map_err(|e| e.with_file(path))?;
     if args.output == Path::new("-") {
         output.data(&page)?;

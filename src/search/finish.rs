@@ -132,8 +132,7 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
                 .fitted(platform, problem.total_time_s)?;
             refine(context, &fewer, smoothing, REMOVAL_ITERATIONS)
         });
-        let Some(best) = candidates.reduce(|best, c| if c.merit < best.merit { c } else { best })
-        else {
+        let Some(best) = candidates.reduce(Refined::better) else {
             break;
         };
         let best = refine(context, &best.plan, smoothing, FULL_ITERATIONS).unwrap_or(best);
@@ -151,7 +150,7 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     let platform = evaluator.platform();
     let total_time_s = context.problem.total_time_s;
-    let mut plan = with_whole_periods(platform, &round_angles(platform, plan), total_time_s)?;
+    let mut plan = rounded_to_fit(platform, plan, total_time_s)?;
     if platform.motion().slew_rate_rad_per_s.is_none() {
         // The dwells are final now; the angles settle around them. Where moves take time this
         // could lengthen them beyond the total time.
@@ -169,6 +168,22 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
         }
     }
     final_figures(context, shift_periods(context, plan))
+}
+
+/// By how much the moves of a plan are shortened, in turn, until it fits when rounded.
+const SHORTER_BY: [f64; 9] = [0.0, 1e-6, 4e-6, 1.6e-5, 6.4e-5, 2.5e-4, 1e-3, 4e-3, 1.6e-2];
+
+/// Angles and dwells rounded. Where every dwell is at its minimum and the moves take all that is
+/// left, rounding may lengthen them beyond the total time by some milliseconds; then the moves are
+/// shortened by as little as it takes.
+fn rounded_to_fit(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
+    SHORTER_BY.into_iter().find_map(|share| {
+        let plan = match share > 0.0 {
+            true => plan.with_shorter_moves(platform, share),
+            false => plan.clone(),
+        };
+        with_whole_periods(platform, &round_angles(platform, &plan), total_time_s)
+    })
 }
 
 /// Moves of a period from one dwell to another, at most.

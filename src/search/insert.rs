@@ -74,7 +74,7 @@ fn without_least(context: Context<'_>, smoothing: Smoothing, plan: &Plan) -> Opt
     }
     (0..plan.angles.len())
         .filter_map(|k| rate(context, &plan.without(k), smoothing))
-        .reduce(|best, r| if r.merit < best.merit { r } else { best })
+        .reduce(Refined::better)
         .map(|r| r.plan)
 }
 

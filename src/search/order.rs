@@ -11,7 +11,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::pipeline::{Context, Work, rate};
+use super::pipeline::{Context, Work, rate, told_apart};
 use super::refine::Refined;
 use super::variables::Plan;
 use super::{Control, SearchProblem};
@@ -149,11 +149,6 @@ fn estimated(
         .collect()
 }
 
-/// To nine digits after the point; none where it is not finite.
-pub(super) fn told_apart(merit: f64) -> Option<f64> {
-    merit.is_finite().then(|| (merit * 1e9).round() * 1e-9)
-}
-
 /// Random orders that a descent begins at, besides the given one.
 const RANDOM_ORDERS: usize = 5;
 /// Steps of one descent.
@@ -196,13 +191,7 @@ pub fn best_order(
     let best = starts
         .into_iter()
         .filter_map(|start| descend(context, start))
-        .reduce(|best, found| {
-            if found.merit < best.merit {
-                found
-            } else {
-                best
-            }
-        })?;
+        .reduce(Refined::better)?;
     best.plan.to_schedule().ok()
 }
 

@@ -28,6 +28,17 @@ pub struct Refined {
     pub merit: f64,
 }
 
+impl Refined {
+    /// The better of two; of equals the first, whatever thread was faster.
+    pub(super) fn better(self, other: Self) -> Self {
+        if other.merit < self.merit {
+            other
+        } else {
+            self
+        }
+    }
+}
+
 /// Merit of a point that is no plan: far above any real one whatever the weights (each at most
 /// 1e6, on logarithms), but finite, so that a line search can interpolate back from it.
 const NO_PLAN: f64 = 1e10;

@@ -14,8 +14,7 @@ use rayon::prelude::*;
 
 use super::allocate::allocate;
 use super::insert::{detour_s, price_of_time};
-use super::order::told_apart;
-use super::pipeline::{Candidate, Context, rate};
+use super::pipeline::{Candidate, Context, rate, told_apart};
 use super::refine::Refined;
 use super::variables::Plan;
 use super::workshop::Workshop;
@@ -354,7 +353,7 @@ fn exchange_once(
                 plan.angles[k] = place;
                 rate(context, &plan, smoothing)
             });
-            let best = tried.reduce(|best, r| if r.merit < best.merit { r } else { best });
+            let best = tried.reduce(Refined::better);
             if let Some(better) = best.filter(|b| b.merit < current.merit - GAIN) {
                 current = better;
                 break;
@@ -452,7 +451,7 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
         let fewer = (0..current.plan.angles.len())
             .filter_map(|k| rate(context, &current.plan.without(k), smoothing))
             .map(|refined| allocate(context, refined, smoothing))
-            .reduce(|best, c| if c.merit < best.merit { c } else { best });
+            .reduce(Refined::better);
         match fewer {
             Some(fewer) if fewer.merit - current.merit <= context.problem.position_tolerance => {
                 current = fewer;

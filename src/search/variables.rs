@@ -10,7 +10,7 @@ use super::refine::Coordinates;
 use crate::attitude::{Position, wrap_half_turn};
 use crate::covariance::gradient::LegGradient;
 use crate::error::Result;
-use crate::motion::Timeline;
+use crate::motion::{Timeline, gimbal_change};
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -59,6 +59,26 @@ impl Plan {
         let mut plan = self.clone();
         plan.angles.remove(index);
         plan.dwell_s.remove(index);
+        plan
+    }
+
+    /// The plan with every move from position to position shorter by `share` of it: all positions
+    /// closer to the place the test begins at, and so within the ranges too.
+    pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
+        let mut plan = self.clone();
+        let Some(&first) = self.angles.first() else {
+            return plan;
+        };
+        let mut from = platform.motion().start.map_or(first, Position::to_array);
+        let mut placed = from;
+        for angles in &mut plan.angles {
+            let [was, to] = [from, *angles].map(Position::from_array);
+            let change = gimbal_change(platform, was, to);
+            for (place, change) in placed.iter_mut().zip(change) {
+                *place += (1.0 - share) * change;
+            }
+            (from, *angles) = (*angles, placed);
+        }
         plan
     }
 

@@ -18,6 +18,15 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
+/// What a search writes.
+const RESULTS: [&str; 5] = [
+    "commands.csv",
+    "report.html",
+    "result.json",
+    "schedule.csv",
+    "schedule.json",
+];
+
 /// A directory of its own to run the program in.
 struct Desk(TempDir);
 

@@ -88,6 +88,30 @@ fn keeps_the_limits(platform: &Platform, problem: &SearchProblem, found: &Search
     }
 }
 
+/// The moves take all the time that four shortest dwells leave, so that every refined start ends
+/// with no time to spare; rounding its angles must not lose it.
+#[test]
+fn a_plan_without_spare_time_is_rounded() {
+    let mut config = PlatformConfig::default();
+    config.motion.slew_rate_deg_per_s = Some(3.303767144730143);
+    config.motion.min_dwell_s = 318.64467195648393;
+    config.motion.start_deg = Some([0.0, 0.0, 0.0]);
+    config.motion.return_to_start = true;
+    let platform = config.check().unwrap();
+    let evaluator = Evaluator::new(platform.clone(), Objective::default());
+    let problem = SearchProblem {
+        total_time_s: 1430.3265038857203,
+        max_positions: 4,
+        starts: 1,
+        seed: 10427044617184570973,
+        ..SearchProblem::default()
+    };
+    let cancel = AtomicBool::new(false);
+    let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {})).unwrap();
+    keeps_the_limits(&platform, &problem, &found);
+    assert_eq!(found.schedule.positions().len(), 4);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 

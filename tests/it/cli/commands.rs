@@ -6,7 +6,7 @@ use scheme_opt::schedule::file;
 use serde_json::Value;
 
 use super::documents::{has_evaluation_fields, has_result_fields, sigmas, strings, text};
-use super::{Desk, Run, SCHEDULE, names};
+use super::{Desk, RESULTS, Run, SCHEDULE, names};
 
 #[test]
 fn help_and_version_are_data() {
@@ -150,16 +150,7 @@ fn search_writes_what_it_reports() {
     let desk = Desk::new();
     let report = desk.done(&["search", "--starts", "4"]);
     let written = names(&desk.path("scheme-opt-out"));
-    assert_eq!(
-        written,
-        [
-            "commands.csv",
-            "report.html",
-            "result.json",
-            "schedule.csv",
-            "schedule.json"
-        ]
-    );
+    assert_eq!(written, RESULTS);
     assert!(report.starts_with("RMS sigma 0.0009"), "{report}");
     let tables = report.lines().filter(|l| l.starts_with('|'));
     assert!(tables.clone().count() > 30 && tables.into_iter().all(|l| l.chars().count() <= 80));
@@ -235,16 +226,9 @@ fn equal_inputs_give_equal_bytes_whatever_the_number_of_threads() {
         desk.done(&[&run[..], &form].concat())
     });
     assert!(!outputs[0].contains("wall_time_s"));
-    let files = [
-        "schedule.json",
-        "schedule.csv",
-        "commands.csv",
-        "result.json",
-        "report.html",
-    ];
     for (threads, output) in threads.iter().zip(&outputs) {
         assert_eq!(output, &outputs[0], "{threads} threads");
-        for name in files {
+        for name in RESULTS {
             assert_eq!(
                 desk.text(&format!("{threads}/{name}")),
                 desk.text(&format!("1/{name}"))
@@ -378,14 +362,7 @@ fn an_interrupted_search_writes_the_best_so_far() {
     // And a checkpoint, if any start was finished by then.
     let mut left = names(&desk.path("out"));
     left.retain(|name| name != "checkpoint.json");
-    let all = [
-        "commands.csv",
-        "report.html",
-        "result.json",
-        "schedule.csv",
-        "schedule.json",
-    ];
-    assert_eq!(left, all);
+    assert_eq!(left, RESULTS);
 }
 
 #[test]

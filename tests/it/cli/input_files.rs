@@ -49,6 +49,7 @@ fn what_is_no_file_is_refused_and_not_waited_for() {
     ] {
         soon(desk.command(&["evaluate", "-s", name])).refused(&[name, says]);
         soon(desk.command(&["bound", name])).refused(&[name, says]);
+        soon(desk.command(&["report", name])).refused(&[name, says]);
     }
 }
 

@@ -5,18 +5,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{Desk, Run, names};
+use super::{Desk, RESULTS, Run, names};
 use crate::support::Random;
 
 /// What a search writes.
-const RESULTS: [&str; 5] = [
-    "commands.csv",
-    "report.html",
-    "result.json",
-    "schedule.csv",
-    "schedule.json",
-];
-
 fn started(mut command: Command) -> Child {
     command
         .stdout(Stdio::piped())

@@ -4,16 +4,8 @@
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{Desk, Run, names};
+use super::{Desk, RESULTS, Run, names};
 use crate::support::Random;
-
-const RESULTS: [&str; 5] = [
-    "commands.csv",
-    "report.html",
-    "result.json",
-    "schedule.csv",
-    "schedule.json",
-];
 
 /// A problem that exercises what the arguments ask for, in a second or two.
 struct Problem {
@@ -101,9 +93,13 @@ fn same_bytes(problem: &Problem, signal: &str, seed: u64) {
     println!("{}, {signal}: stopped {stops} times", problem.name);
     assert!(stops > 0);
     assert_eq!(names(&desk.path("out")), RESULTS);
+    assert_same_results(&desk, &format!("{}, {signal}", problem.name));
+}
+
+fn assert_same_results(desk: &Desk, what: &str) {
     for name in RESULTS {
         let [out, whole] = ["out", "whole"].map(|d| desk.text(&format!("{d}/{name}")));
-        assert!(out == whole, "{}, {signal}: {name} differs", problem.name);
+        assert!(out == whole, "{what}: {name} differs");
     }
 }
 
@@ -119,10 +115,7 @@ fn a_killed_search_resumed_ends_with_the_same_bytes() {
     // What a kill leaves is what was there before, temporary files included.
     let (desk, stops) = stopped_and_resumed(&PROBLEMS[0], "-KILL", 4);
     assert!(stops > 0);
-    for name in RESULTS {
-        let [out, whole] = ["out", "whole"].map(|d| desk.text(&format!("{d}/{name}")));
-        assert!(out == whole, "{name} differs after {stops} kills");
-    }
+    assert_same_results(&desk, &format!("{stops} kills"));
 }
 
 #[test]
