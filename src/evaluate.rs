@@ -280,22 +280,57 @@ impl Evaluator {
         timeline: &Timeline,
         smoothing: Smoothing,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        let o = &self.objective;
-        let (mut value, mut gradient) = self.model.gradient(timeline, TickRule::Relaxed, |p| {
-            let (log, slope) = o.criterion.log_with_gradient(p, smoothing)?;
-            Ok((o.covariance_weight * log, slope * o.covariance_weight))
-        })?;
-        if o.uses_separability() {
-            match LogSeparability::new(&self.model, timeline) {
-                Some(s) => {
-                    let (part, slopes) = self.separability_merit(&s.log);
-                    value += part;
-                    s.add_gradient(timeline, &slopes, &mut gradient);
-                }
-                None => value += self.separability_merit(&not_separable()).0,
+        let merit = |p: &CoefficientMatrix| self.merit_and_slope(p, smoothing);
+        let mut found = self.model.gradient(timeline, TickRule::Relaxed, merit)?;
+        self.add_separability(timeline, &mut found);
+        Ok(found)
+    }
+
+    /// The same of every timeline, several at once; each has the bits that it has alone.
+    pub(crate) fn merit_gradients(
+        &self,
+        timelines: &[Timeline],
+        smoothing: Smoothing,
+    ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
+        let merit = |p: &CoefficientMatrix| self.merit_and_slope(p, smoothing);
+        let mut all = self.model.gradients(timelines, TickRule::Relaxed, merit);
+        for (timeline, found) in timelines.iter().zip(&mut all) {
+            if let Ok(found) = found {
+                self.add_separability(timeline, found);
             }
         }
-        Ok((value, gradient))
+        all
+    }
+
+    /// [`Evaluator::merit_of_covariance`] with its derivative.
+    fn merit_and_slope(
+        &self,
+        covariance: &CoefficientMatrix,
+        smoothing: Smoothing,
+    ) -> Result<(f64, CoefficientMatrix)> {
+        let weight = self.objective.covariance_weight;
+        let criterion = self.objective.criterion;
+        let (log, slope) = criterion.log_with_gradient(covariance, smoothing)?;
+        Ok((weight * log, slope * weight))
+    }
+
+    /// Adds the separability's part, where it has one, to a merit and its gradient.
+    fn add_separability(
+        &self,
+        timeline: &Timeline,
+        (value, gradient): &mut (f64, Vec<LegGradient>),
+    ) {
+        if !self.objective.uses_separability() {
+            return;
+        }
+        match LogSeparability::new(&self.model, timeline) {
+            Some(s) => {
+                let (part, slopes) = self.separability_merit(&s.log);
+                *value += part;
+                s.add_gradient(timeline, &slopes, gradient);
+            }
+            None => *value += self.separability_merit(&not_separable()).0,
+        }
     }
 
     /// The separability's part of the merit and its derivative with respect to each ln s_i.

@@ -2,8 +2,9 @@
 //!
 //! 1. **Propose** ([`propose`]): random attitudes, structured sets (icosahedron, cube) and the
 //!    standard schemes, as many starts as asked for, each from its own random stream, in parallel.
-//! 2. **Refine** ([`refine`]): L-BFGS (argmin) with the exact gradient on all angles and dwells
-//!    at once ([`variables`]).
+//! 2. **Refine** ([`refine`]): L-BFGS with the exact gradient on all angles and dwells at once
+//!    ([`variables`]): argmin's for a plan that is worked out to the end; where many plans are
+//!    tried, one of our own that advances them together, a gradient in each lane.
 //! 3. **Allocate** ([`allocate`]): dwell times by a sequence of convex quadratic programs
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
@@ -30,6 +31,7 @@ mod finish;
 pub mod front;
 mod improve;
 mod insert;
+mod lbfgs;
 pub mod order;
 mod pipeline;
 mod progress;
@@ -37,6 +39,7 @@ pub mod propose;
 pub mod refine;
 pub mod shortest;
 mod table;
+mod together;
 mod tumbling;
 pub mod variables;
 mod workshop;

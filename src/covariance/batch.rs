@@ -3,12 +3,11 @@
 //! The straight-line chain ([`two_stage`](super::two_stage)) runs on registers of eight lanes
 //! (AVX-512), four (AVX2) or two (NEON), whatever the machine has when the program runs; without
 //! any of them on one. Schedules are grouped by their number of positions; in a group each lane
-//! has its own angles, durations and moves, and a schedule with fewer positions waits. Where all
-//! durations of a group agree, what depends on them alone is worked out once for the group.
+//! has its own angles, durations and moves, and a schedule with fewer positions waits.
 //!
-//! Lanes fuse products and sums, so a value differs from that of the schedule alone by rounding
-//! (tested: 1e-12), and by rounding too with the schedules that share its group. It never depends
-//! on threads.
+//! For values, lanes fuse products and sums, so a value differs from that of the schedule alone by
+//! rounding (tested: 1e-12), and may differ by rounding with the schedules that share its group.
+//! [`gradients`] do not fuse: they have the bits of the schedule alone. Nothing depends on threads.
 
 #![allow(
     clippy::needless_range_loop,
@@ -16,41 +15,39 @@
 )]
 
 pub(crate) mod between;
+mod gradients;
 
 use pulp::Simd;
 
-use super::gradient::LegGradient;
-use super::two_stage::course::{self, LegAdjoint, Legs, Stretch, Tape};
+use super::kernel::LookedUp;
+use super::two_stage::course::{Legs, Stretch, Tape};
 use super::two_stage::dispatch::{LaneTask, run_in_lanes};
-use super::two_stage::earth::Earth;
-use super::two_stage::gains::{DwellKernel, DwellNumbers};
-use super::two_stage::information::{
-    Factor, Information, PLACES, PriorScale, Rows, complete, symmetric_product,
-};
+use super::two_stage::gains::DwellKernel;
+use super::two_stage::information::{Factor, Information, PLACES, PriorScale, Rows};
 use super::two_stage::moves::{Interval, Turn};
 use super::two_stage::numbers::{
-    self, Alignment, Arithmetic, Lanes, MOST_LANES, Number, Plain, Register, Row, three,
+    self, Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register, Row, three,
 };
 use super::two_stage::single::OneTimeline;
 use super::two_stage::{Place, attitude_entries};
 use super::{CovarianceModel, TickRule, not_finite};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
-use crate::motion::integral::{Panels, half_phase};
+use crate::motion::integral::Panels;
 use crate::motion::{Leg, Timeline};
 use between::{Between, run};
 
-type Lane<S, L> = Register<S, true, L>;
+type Lane<S, L, const FUSED: bool> = Register<S, FUSED, L>;
 
 /// One timeline per lane; the last one again in lanes to spare.
-struct Group<'a, S, L> {
-    ar: Lanes<S, L>,
+struct Group<'a, S, L, const FUSED: bool> {
+    ar: Lanes<S, L, FUSED>,
     timelines: Vec<OneTimeline<'a, Plain>>,
     legs: usize,
 }
 
-impl<'a, S: Simd, L: Alignment> Group<'a, S, L> {
-    fn new(ar: Lanes<S, L>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
+impl<'a, S: Simd, L: Alignment, const FUSED: bool> Group<'a, S, L, FUSED> {
+    fn new(ar: Lanes<S, L, FUSED>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
         let legs = timelines.iter().map(Legs::count).max().unwrap_or(0);
         Self {
             ar,
@@ -65,7 +62,7 @@ impl<'a, S: Simd, L: Alignment> Group<'a, S, L> {
 
     /// `value` of every lane, with its timeline.
     #[inline(always)]
-    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L> {
+    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L, FUSED> {
         let mut values = [0.0; MOST_LANES];
         for (i, slot) in values.iter_mut().enumerate().take(S::F64_LANES) {
             *slot = value(self.lane(i));
@@ -85,7 +82,7 @@ fn leg_or_last<'t>(t: &OneTimeline<'t, Plain>, leg: usize) -> Option<&'t Leg> {
 }
 
 /// A stretch of no length, for lanes that have none.
-fn no_stretch() -> Stretch<f64> {
+fn no_stretch() -> Stretch<f64, Panels> {
     Stretch {
         turn: Turn {
             from: [0.0; 3],
@@ -102,13 +99,13 @@ fn no_stretch() -> Stretch<f64> {
     }
 }
 
-impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
+impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Group<'_, S, L, FUSED> {
     #[inline(always)]
     fn count(&self) -> usize {
         self.legs
     }
     #[inline(always)]
-    fn place(&self, leg: usize) -> Place<Lanes<S, L>> {
+    fn place(&self, leg: usize) -> Place<Lanes<S, L, FUSED>> {
         let mut c = [[[0.0; MOST_LANES]; 3]; 3];
         for lane in 0..S::F64_LANES {
             let Some(l) = leg_or_last(self.lane(lane), leg) else {
@@ -128,13 +125,15 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         )
     }
     #[inline(always)]
-    fn alpha(&self, leg: usize) -> (Lane<S, L>, Lane<S, L>) {
-        let alpha =
-            |t: &OneTimeline<'_, Plain>| leg_or_last(t, leg).map_or(0.0, |l| l.position.alpha);
-        (
-            self.gather(|t| alpha(t).sin()),
-            self.gather(|t| alpha(t).cos()),
-        )
+    fn alpha(&self, leg: usize) -> (Lane<S, L, FUSED>, Lane<S, L, FUSED>) {
+        let (mut sin, mut cos) = ([0.0; MOST_LANES], [1.0; MOST_LANES]);
+        for lane in 0..S::F64_LANES {
+            if let Some(l) = leg_or_last(self.lane(lane), leg) {
+                (sin[lane], cos[lane]) = l.position.alpha.sin_cos();
+            }
+        }
+        let simd = self.ar.0;
+        (Register::gather(simd, &sin), Register::gather(simd, &cos))
     }
     #[inline(always)]
     fn rotates(&self, leg: usize) -> bool {
@@ -146,21 +145,21 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         own.map(|t| t.stretches(leg)).max().unwrap_or(0)
     }
     #[inline(always)]
-    fn stretch(&self, leg: usize, index: usize) -> Stretch<Lane<S, L>> {
+    fn stretch(
+        &self,
+        leg: usize,
+        index: usize,
+    ) -> Stretch<Lane<S, L, FUSED>, [Panels; MOST_LANES]> {
         let mut of = [no_stretch(); MOST_LANES];
-        let mut phase = 0.0_f64;
         for (lane, slot) in of.iter_mut().enumerate().take(S::F64_LANES) {
             let t = self.lane(lane);
             if leg < t.count() && index < t.stretches(leg) {
                 *slot = t.stretch(leg, index);
-                if let Some(m) = t.slew(leg) {
-                    phase = phase.max(half_phase(m, slot.interval.length_s));
-                }
             }
         }
         let simd = self.ar.0;
         let measured = of.iter().any(|s| s.measured.is_some());
-        let gathered = |value: &dyn Fn(&Stretch<f64>) -> f64| {
+        let gathered = |value: &dyn Fn(&Stretch<f64, Panels>) -> f64| {
             let mut values = [0.0; MOST_LANES];
             for (slot, s) in values.iter_mut().zip(&of) {
                 *slot = value(s);
@@ -174,19 +173,19 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         }
         Stretch {
             turn: Turn {
-                from: three!(|i| lanes!(|s: &Stretch<f64>| s.turn.from[i])),
-                change: three!(|i| lanes!(|s: &Stretch<f64>| s.turn.change[i])),
-                duration_s: lanes!(|s: &Stretch<f64>| s.turn.duration_s),
+                from: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.from[i])),
+                change: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.change[i])),
+                duration_s: lanes!(|s: &Stretch<f64, Panels>| s.turn.duration_s),
             },
             interval: Interval {
-                start_s: lanes!(|s: &Stretch<f64>| s.interval.start_s),
-                length_s: lanes!(|s: &Stretch<f64>| s.interval.length_s),
+                start_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.start_s),
+                length_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.length_s),
             },
-            panels: Panels::of_half_phase(phase),
-            last: lanes!(|s: &Stretch<f64>| s.last),
+            panels: of.map(|s| s.panels),
+            last: lanes!(|s: &Stretch<f64, Panels>| s.last),
             measured: if measured {
-                let weight = lanes!(|s: &Stretch<f64>| s.measured.map_or(0.0, |m| m.0));
-                let grows = lanes!(|s: &Stretch<f64>| s.measured.map_or(0.0, |m| m.1));
+                let weight = lanes!(|s: &Stretch<f64, Panels>| s.measured.map_or(0.0, |m| m.0));
+                let grows = lanes!(|s: &Stretch<f64, Panels>| s.measured.map_or(0.0, |m| m.1));
                 Some((weight, grows))
             } else {
                 None
@@ -198,14 +197,14 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         self.any(leg, |t| t.settles(leg))
     }
     #[inline(always)]
-    fn settle_s(&self, leg: usize) -> Lane<S, L> {
+    fn settle_s(&self, leg: usize) -> Lane<S, L, FUSED> {
         self.gather(|t| match leg < t.count() && t.settles(leg) {
             true => t.settle_s(leg),
             false => 0.0,
         })
     }
     #[inline(always)]
-    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S, L>>> {
+    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S, L, FUSED>>> {
         let periods = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.periods(leg),
             false => 0,
@@ -218,10 +217,9 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
             }
             return Some(DwellKernel::new(self.ar, kernels.numbers(first).get()));
         }
-        let mut numbers = [DwellNumbers::NOTHING; MOST_LANES];
-        for (lane, slot) in numbers.iter_mut().enumerate().take(S::F64_LANES) {
-            *slot = *kernels.numbers(periods(self.lane(lane))).get();
-        }
+        let numbers: [LookedUp<'_>; MOST_LANES] =
+            std::array::from_fn(|lane| kernels.numbers(periods(self.lane(lane))));
+        let numbers = numbers.each_ref().map(LookedUp::get);
         Some(DwellKernel::gather(self.ar, &numbers))
     }
     #[inline(always)]
@@ -229,7 +227,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         self.any(leg, |t| t.remains(leg))
     }
     #[inline(always)]
-    fn remainder(&self, leg: usize) -> (Lane<S, L>, Option<Lane<S, L>>) {
+    fn remainder(&self, leg: usize) -> (Lane<S, L, FUSED>, Option<Lane<S, L, FUSED>>) {
         let rest = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.remainder(leg),
             false => (0.0, None),
@@ -238,31 +236,6 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         let weight = self.gather(|t| rest(t).1.unwrap_or(0.0));
         let relaxed = self.timelines[0].rule == TickRule::Relaxed;
         (length_s, if relaxed { Some(weight) } else { None })
-    }
-}
-
-/// Derivatives with respect to one leg, per lane.
-#[derive(Debug, Clone, Copy)]
-struct LaneGradient<N> {
-    angles: [N; 3],
-    dwell_s: N,
-    move_s: N,
-}
-
-impl<N: Number> LegAdjoint<N> for LaneGradient<N> {
-    #[inline(always)]
-    fn add_angles(&mut self, angles: &[N; 3]) {
-        for i in 0..3 {
-            self.angles[i] = self.angles[i] + angles[i];
-        }
-    }
-    #[inline(always)]
-    fn add_dwell(&mut self, slope: N) {
-        self.dwell_s = self.dwell_s + slope;
-    }
-    #[inline(always)]
-    fn add_move(&mut self, slope: N) {
-        self.move_s = self.move_s + slope;
     }
 }
 
@@ -281,12 +254,12 @@ impl<'a> Batch<'a> {
         order.chunks(lanes).map(<[usize]>::to_vec).collect()
     }
 
-    fn group<S: Simd, L: Alignment>(
+    fn group<S: Simd, L: Alignment, const FUSED: bool>(
         &self,
-        ar: Lanes<S, L>,
+        ar: Lanes<S, L, FUSED>,
         of: &[usize],
         keep_empty: bool,
-    ) -> Group<'a, S, L> {
+    ) -> Group<'a, S, L, FUSED> {
         let timeline = |&i: &usize| OneTimeline {
             ar: Plain,
             model: self.model,
@@ -300,8 +273,8 @@ impl<'a> Batch<'a> {
 
 /// P_D of one lane in the order of the coefficients.
 #[inline(always)]
-fn covariance_of_lane<S: Simd, L: Alignment>(
-    p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+fn covariance_of_lane<S: Simd, L: Alignment, const FUSED: bool>(
+    p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
     lane: usize,
 ) -> CoefficientMatrix {
     let mut out = CoefficientMatrix::zeros();
@@ -316,19 +289,22 @@ fn covariance_of_lane<S: Simd, L: Alignment>(
     out
 }
 
-fn is_covariance<S: Simd, L: Alignment>(factor: &Factor<Lanes<S, L>>, lane: usize) -> bool {
+fn is_covariance<S: Simd, L: Alignment, const FUSED: bool>(
+    factor: &Factor<Lanes<S, L, FUSED>>,
+    lane: usize,
+) -> bool {
     factor.least.lane(lane) > 0.0
 }
 
 /// The factorisation of what the chain has collected.
-struct Factorise<'a, S: Simd, L: Alignment>(
-    Lanes<S, L>,
-    &'a Information<Lanes<S, L>>,
+struct Factorise<'a, S: Simd, L: Alignment, const FUSED: bool>(
+    Lanes<S, L, FUSED>,
+    &'a Information<Lanes<S, L, FUSED>>,
     &'a PriorScale,
 );
 
-impl<S: Simd, L: Alignment> numbers::Work for Factorise<'_, S, L> {
-    type Output = Factor<Lanes<S, L>>;
+impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Factorise<'_, S, L, FUSED> {
+    type Output = Factor<Lanes<S, L, FUSED>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.factor(self.0, self.2)
@@ -336,68 +312,51 @@ impl<S: Simd, L: Alignment> numbers::Work for Factorise<'_, S, L> {
 }
 
 /// P_D from its factors.
-struct Covariance<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Factor<Lanes<S, L>>);
+struct Covariance<'a, S: Simd, L: Alignment, const FUSED: bool>(
+    Lanes<S, L, FUSED>,
+    &'a Factor<Lanes<S, L, FUSED>>,
+);
 
-impl<S: Simd, L: Alignment> numbers::Work for Covariance<'_, S, L> {
-    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
+impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Covariance<'_, S, L, FUSED> {
+    type Output = Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.covariance(self.0)
     }
 }
 
-/// −P G P.
-struct InformationAdjoint<'a, S: Simd, L: Alignment>(
-    Lanes<S, L>,
-    &'a Rows<<Lanes<S, L> as Arithmetic>::Quad>,
-    &'a Slopes,
-);
-
-impl<S: Simd, L: Alignment> numbers::Work for InformationAdjoint<'_, S, L> {
-    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        symmetric_product(self.0, self.1, &self.2.pull(self.0, self.1))
-    }
-}
-
 /// A figure of merit of P_D, (°/h)².
 type Value<'a> = &'a dyn Fn(&CoefficientMatrix) -> Result<f64>;
-/// The same with its derivative.
-type ValueAndSlope<'a> = &'a dyn Fn(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>;
 
 /// What is wanted of every timeline. One type for all, so that they share their code.
 enum Wanted<'a> {
     /// tr(W P_D) for the diagonal of W.
     WeightedTrace(PriorScale),
     Value(Value<'a>),
-    Gradient(ValueAndSlope<'a>),
 }
 
-/// A value, with a gradient where one is wanted.
-type Answer = Result<(f64, Vec<LegGradient>)>;
-
-struct Work<'a> {
+struct Values<'a> {
     batch: Batch<'a>,
     /// What comes before and after the timelines, if they are parts of a test.
     between: Option<&'a Between>,
     wanted: Wanted<'a>,
 }
 
-impl LaneTask for Work<'_> {
-    type Output = Vec<Answer>;
+impl LaneTask for Values<'_> {
+    type Output = Vec<Result<f64>>;
     #[inline(always)]
-    fn run<S: Simd, L: Alignment>(self, ar: Lanes<S, L>) -> Vec<Answer> {
-        let mut out: Vec<Answer> = Vec::new();
+    fn run<S: Simd, L: Alignment, const FUSED: bool>(
+        self,
+        ar: Lanes<S, L, FUSED>,
+    ) -> Vec<Result<f64>> {
+        let mut out: Vec<Result<f64>> = Vec::new();
         out.resize_with(self.batch.timelines.len(), || Err(not_finite()));
-        let on = matches!(self.wanted, Wanted::Gradient(_));
         let mut tape = Tape {
-            on,
+            on: false,
             steps: Vec::new(),
         };
         for of in self.batch.groups(S::F64_LANES) {
-            let group = self.batch.group(ar, &of, on);
-            tape.steps.clear();
+            let group = self.batch.group(ar, &of, tape.on);
             let information = run(&group, self.between, &mut tape);
             let factor = ar.apart(Factorise(ar, &information, &self.batch.model.prior_scale));
             match &self.wanted {
@@ -405,7 +364,7 @@ impl LaneTask for Work<'_> {
                     let traces = factor.weighted_trace(ar, weights);
                     for (lane, &i) in of.iter().enumerate() {
                         if is_covariance(&factor, lane) {
-                            out[i] = Ok((traces.lane(lane), Vec::new()));
+                            out[i] = Ok(traces.lane(lane));
                         }
                     }
                 }
@@ -413,115 +372,9 @@ impl LaneTask for Work<'_> {
                     let p = ar.apart(Covariance(ar, &factor));
                     for (lane, &i) in of.iter().enumerate() {
                         if is_covariance(&factor, lane) {
-                            let value = merit(&covariance_of_lane::<S, L>(&p, lane));
-                            out[i] = value.map(|v| (v, Vec::new()));
+                            out[i] = merit(&covariance_of_lane::<S, L, FUSED>(&p, lane));
                         }
                     }
-                }
-                Wanted::Gradient(merit) => gradients(&group, &of, *merit, &factor, &tape, &mut out),
-            }
-        }
-        out
-    }
-}
-
-#[inline(always)]
-fn gradients<S: Simd, L: Alignment>(
-    group: &Group<'_, S, L>,
-    of: &[usize],
-    merit: ValueAndSlope<'_>,
-    factor: &Factor<Lanes<S, L>>,
-    tape: &Tape<Lanes<S, L>>,
-    out: &mut [Answer],
-) {
-    let ar = group.ar;
-    let model = group.timelines[0].model;
-    let mut p = ar.apart(Covariance(ar, factor));
-    let mut slopes = Slopes::new();
-    for (lane, &i) in of.iter().enumerate() {
-        if !is_covariance(factor, lane) {
-            continue;
-        }
-        match merit(&covariance_of_lane::<S, L>(&p, lane)) {
-            Ok((value, slope)) => {
-                slopes.set(lane, &slope);
-                out[i] = Ok((value, Vec::new()));
-            }
-            Err(error) => out[i] = Err(error),
-        }
-    }
-    complete(ar, &mut p);
-    let information = ar.apart(InformationAdjoint(ar, &p, &slopes));
-    let zero = ar.number(0.0);
-    let nothing = LaneGradient {
-        angles: [zero; 3],
-        dwell_s: zero,
-        move_s: zero,
-    };
-    let mut gradient = vec![nothing; group.legs];
-    let earth = Earth::new(zero, &model.dynamics, model.drift_psd);
-    let per_s = 1.0 / (model.period_s * model.noise_variance);
-    course::backward(
-        ar,
-        group,
-        &earth,
-        &tape.steps,
-        &information,
-        per_s,
-        &mut gradient,
-    );
-    for (lane, &i) in of.iter().enumerate() {
-        if let Ok((_, legs)) = &mut out[i] {
-            let count = group.timelines[lane].count();
-            legs.extend(gradient.iter().take(count).map(|g| LegGradient {
-                angles: [0, 1, 2].map(|a| g.angles[a].lane(lane)),
-                dwell_s: g.dwell_s.lane(lane),
-                move_s: g.move_s.lane(lane),
-            }));
-        }
-    }
-}
-
-/// The derivative of each lane's figure of merit with respect to its P_D, gyro by gyro.
-struct Slopes {
-    entries: Box<[[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]>,
-    diagonal: bool,
-}
-
-impl Slopes {
-    fn new() -> Self {
-        Self {
-            entries: Box::new([[[0.0; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]),
-            diagonal: true,
-        }
-    }
-
-    fn set(&mut self, lane: usize, slope: &CoefficientMatrix) {
-        for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
-            for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
-                let entry = sign_a * sign_b * slope[(a, b)];
-                self.entries[i][k][lane] = entry;
-                self.diagonal &= i == k || entry == 0.0;
-            }
-        }
-    }
-
-    /// −G P.
-    #[inline(always)]
-    fn pull<S: Simd, L: Alignment>(
-        &self,
-        ar: Lanes<S, L>,
-        p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
-    ) -> Rows<<Lanes<S, L> as Arithmetic>::Quad> {
-        let mut out = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
-        for i in 0..COEFFICIENTS {
-            for k in 0..COEFFICIENTS {
-                if self.diagonal && i != k {
-                    continue;
-                }
-                let g = -Register::gather(ar.0, &self.entries[i][k]);
-                for q in 0..3 {
-                    out[i][q] = p[k][q].times_add(g, out[i][q]);
                 }
             }
         }
@@ -530,24 +383,23 @@ impl Slopes {
 }
 
 impl CovarianceModel {
-    fn batch<'a>(
+    fn in_lanes<'a>(
         &'a self,
         timelines: &'a [Timeline],
         rule: TickRule,
         between: Option<&'a Between>,
         wanted: Wanted<'a>,
-    ) -> Vec<Answer> {
-        let batch = Batch {
-            model: self,
-            timelines,
-            rule,
-        };
-        let work = Work {
-            batch,
+    ) -> Vec<Result<f64>> {
+        let values = Values {
+            batch: Batch {
+                model: self,
+                timelines,
+                rule,
+            },
             between,
             wanted,
         };
-        run_in_lanes(self.most_lanes, work)
+        run_in_lanes::<_, true>(self.most_lanes, values)
     }
 
     /// tr(W P_D) of every timeline, (°/h)², W diagonal with `weights`: what the weighted RMS σ is
@@ -564,8 +416,7 @@ impl CovarianceModel {
         weights: &CoefficientVector,
     ) -> Vec<Result<f64>> {
         let wanted = Wanted::WeightedTrace(PriorScale::new(weights));
-        let answers = self.batch(timelines, rule, None, wanted);
-        answers.into_iter().map(|a| Ok(a?.0)).collect()
+        self.in_lanes(timelines, rule, None, wanted)
     }
 
     /// A figure of merit of every timeline, several at once: `merit` takes P_D in (°/h)².
@@ -583,8 +434,7 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        let answers = self.batch(timelines, rule, None, Wanted::Value(&merit));
-        answers.into_iter().map(|a| Ok(a?.0)).collect()
+        self.in_lanes(timelines, rule, None, Wanted::Value(&merit))
     }
 
     /// A figure of merit at the end of a test of which `timelines` are variants of one part, and
@@ -600,22 +450,6 @@ impl CovarianceModel {
         between: &Between,
         merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        let answers = self.batch(timelines, rule, Some(between), Wanted::Value(&merit));
-        answers.into_iter().map(|a| Ok(a?.0)).collect()
-    }
-
-    /// Value and gradient of a figure of merit of every timeline, several at once; `merit` as in
-    /// [`CovarianceModel::gradient`].
-    ///
-    /// # Errors
-    ///
-    /// As [`CovarianceModel::values`].
-    pub fn gradients(
-        &self,
-        timelines: &[Timeline],
-        rule: TickRule,
-        merit: impl Fn(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
-    ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        self.batch(timelines, rule, None, Wanted::Gradient(&merit))
+        self.in_lanes(timelines, rule, Some(between), Wanted::Value(&merit))
     }
 }

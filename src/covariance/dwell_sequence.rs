@@ -22,7 +22,7 @@ use super::two_stage::dispatch::{self, LaneTask, Task, run_in_lanes};
 use super::two_stage::earth::Passed;
 use super::two_stage::gains::{Gain, Gains, Own, Seen};
 use super::two_stage::information::PriorScale;
-use super::two_stage::numbers::{Alignment, Arithmetic, Lanes, Plain};
+use super::two_stage::numbers::{Alignment, Arithmetic, Lanes, Plain, Single};
 use super::two_stage::single::OneTimeline;
 use super::two_stage::square::{Entries, Square, entries};
 use super::{CovarianceModel, TickRule, not_finite};
@@ -262,7 +262,7 @@ impl DwellSequence {
                 weights: &self.weights(weights),
                 out: &mut out,
             };
-            run_in_lanes(self.most_lanes, several);
+            run_in_lanes::<_, true>(self.most_lanes, several);
             return out.into_iter().map(checked).collect();
         }
         let alone = |a: &&[Attitude]| self.weighted_trace(a, weights);
@@ -320,7 +320,7 @@ struct One<'a> {
 impl Task for One<'_> {
     type Output = [f64; 2];
     #[inline(always)]
-    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> [f64; 2] {
+    fn run<A: Single>(self, ar: A) -> [f64; 2] {
         self.trace(ar)
     }
 }
@@ -352,7 +352,7 @@ struct Several<'a> {
 impl LaneTask for Several<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<S: pulp::Simd, L: Alignment>(self, ar: Lanes<S, L>) {
+    fn run<S: pulp::Simd, L: Alignment, const FUSED: bool>(self, ar: Lanes<S, L, FUSED>) {
         let dwells = self.dwells;
         let mut run = Run::new(ar);
         // All places first: a register read right after its lanes were written one by one would

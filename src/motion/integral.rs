@@ -21,8 +21,7 @@ use crate::units::EARTH_RATE_RAD_PER_S;
 #[derive(Debug)]
 pub(crate) struct Rule {
     nodes: Vec<(f64, f64)>,
-    /// The same one by one, and four by four.
-    ones: Vec<Group>,
+    /// The same four by four.
     fours: Vec<Group>,
 }
 
@@ -72,18 +71,10 @@ impl Rule {
             (0.5 * (1.0 - x), 1.0 / ((1.0 - x * x) * slope * slope))
         });
         let nodes: Vec<(f64, f64)> = nodes.collect();
-        let groups = |size: usize| nodes.chunks(size).map(Group::new).collect();
         Self {
-            ones: groups(1),
-            fours: groups(4),
+            fours: nodes.chunks(4).map(Group::new).collect(),
             nodes,
         }
-    }
-
-    /// The nodes in groups of one or four.
-    #[inline]
-    pub fn groups(&self, size: usize) -> &[Group] {
-        if size == 4 { &self.fours } else { &self.ones }
     }
 }
 
@@ -91,9 +82,9 @@ impl Rule {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Panels {
     /// The rule of each.
-    pub rule: &'static Rule,
+    rule: &'static Rule,
     /// How many.
-    pub count: usize,
+    count: usize,
 }
 
 impl Panels {
@@ -108,6 +99,25 @@ impl Panels {
     pub fn of_half_phase(kappa: f64) -> Self {
         let (rule, count) = rule_for(kappa);
         Self { rule, count }
+    }
+
+    /// 1 by the number of panels.
+    #[inline(always)]
+    pub fn share(&self) -> f64 {
+        1.0 / self.count as f64
+    }
+
+    /// Groups of nodes in all panels together.
+    #[inline(always)]
+    pub fn steps(&self) -> usize {
+        self.count * self.rule.fours.len()
+    }
+
+    /// One of them, with the number of its panel.
+    #[inline(always)]
+    pub fn group(&self, step: usize) -> (f64, &'static Group) {
+        let groups = &self.rule.fours;
+        ((step / groups.len()) as f64, &groups[step % groups.len()])
     }
 }
 

@@ -171,36 +171,46 @@ impl Context<'_> {
         name: impl FnOnce() -> String,
         work: impl FnOnce(Context<'_>) -> Option<T>,
     ) -> Option<T> {
-        let Some(journal) = self.control.journal() else {
+        if self.control.journal().is_none() {
             return work(self);
-        };
+        }
         let name = name();
-        if let Some(Finished { plan, counters }) = journal.recall(&name) {
-            match plan.map(T::from_finished) {
-                None => {
-                    self.work.add(counters);
-                    return None;
-                }
-                Some(Some(result)) => {
-                    self.work.add(counters);
-                    return Some(result);
-                }
-                // Not what a search writes: do it anew.
-                Some(None) => {}
-            }
+        if let Some(known) = self.recalled(&name) {
+            return known;
         }
         let own = Work::default();
         let result = work(Context { work: &own, ..self });
-        let plan = result.as_ref().map(T::to_finished);
+        self.put_down(name, result.as_ref(), &own);
+        result
+    }
+
+    /// What came of a piece of work, where the journal has it done; its counters are added.
+    pub(super) fn recalled<T: Memorable>(self, name: &str) -> Option<Option<T>> {
+        let Finished { plan, counters } = self.control.journal()?.recall(name)?;
+        let result = match plan {
+            None => None,
+            // What no search writes is done anew.
+            Some(plan) => Some(T::from_finished(plan)?),
+        };
+        self.work.add(counters);
+        Some(result)
+    }
+
+    /// Hands a piece of work that was done apart, with counters of its `own`, to the journal, and
+    /// adds the counters.
+    pub(super) fn put_down<T: Memorable>(self, name: String, result: Option<&T>, own: &Work) {
+        let plan = result.map(T::to_finished);
         if own.was_cut_short() {
             self.work.cut_short();
-        } else if !self.control.should_stop() && plan.as_ref().is_none_or(FinishedPlan::is_finite) {
+        } else if let Some(journal) = self.control.journal()
+            && !self.control.should_stop()
+            && plan.as_ref().is_none_or(FinishedPlan::is_finite)
+        {
             // Once a search is to stop, what is left of it goes another way.
             let counters = own.counters();
             journal.record(name, Finished { plan, counters });
         }
         self.work.add(own.counters());
-        result
     }
 
     /// Whether the journal has a piece of work done.

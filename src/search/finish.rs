@@ -4,6 +4,7 @@ use super::allocate::allocate;
 use super::pipeline::{Candidate, Context, rate};
 use super::refine::{Refined, refine, refine_angles};
 use super::table::{OnTable, Table};
+use super::together::refine_all;
 use super::variables::{Plan, tidy_angle};
 use super::workshop::Workshop;
 use crate::attitude::Position;
@@ -44,8 +45,13 @@ fn finish_in(context: Context<'_>, workshop: &impl Workshop, plan: &Plan) -> Opt
 pub(super) struct FreeAngles;
 
 impl Workshop for FreeAngles {
-    fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-        refine(context, plan, smoothing, TRIAL_ITERATIONS)
+    fn try_out(
+        &self,
+        context: Context<'_>,
+        plans: Vec<Plan>,
+        smoothing: Smoothing,
+    ) -> Vec<Option<Refined>> {
+        refine_all(context, plans, smoothing, TRIAL_ITERATIONS)
     }
 
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {
@@ -125,14 +131,13 @@ fn settle_allocation(context: Context<'_>, smoothing: Smoothing, mut current: Re
 fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
     let (platform, problem) = (context.evaluator.platform(), context.problem);
     while current.plan.angles.len() > 1 && !context.must_stop() {
-        let candidates = (0..current.plan.angles.len()).filter_map(|k| {
-            let fewer = current
-                .plan
-                .without(k)
-                .fitted(platform, problem.total_time_s)?;
-            refine(context, &fewer, smoothing, REMOVAL_ITERATIONS)
-        });
-        let Some(best) = candidates.reduce(Refined::better) else {
+        let without = |k| {
+            let fewer = current.plan.without(k);
+            fewer.fitted(platform, problem.total_time_s)
+        };
+        let fewer = (0..current.plan.angles.len()).filter_map(without).collect();
+        let candidates = refine_all(context, fewer, smoothing, REMOVAL_ITERATIONS);
+        let Some(best) = candidates.into_iter().flatten().reduce(Refined::better) else {
             break;
         };
         let best = refine(context, &best.plan, smoothing, FULL_ITERATIONS).unwrap_or(best);

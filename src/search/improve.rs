@@ -68,10 +68,9 @@ pub(super) fn improve(
         let Place { stage, stream } = place;
         let name = || format!("{stage}/batch/{stream}/{count}");
         let winner = context.remembered(name, |context| {
-            let tried: Vec<Option<Refined>> = batch
-                .into_par_iter()
-                .map(|plan| workshop.try_out(context, &workshop.admit(context, plan), smoothing))
-                .collect();
+            let admitted = batch.into_par_iter();
+            let admitted = admitted.map(|plan| workshop.admit(context, plan)).collect();
+            let tried = workshop.try_out(context, admitted, smoothing);
             let charged = |r: &Refined| charged(context, r);
             let winner = tried
                 .into_iter()

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::checkpoint::Memorable;
 use super::finish::FreeAngles;
 use super::improve::{Place, improve};
-use super::refine::{Refined, refine};
+use super::refine::Refined;
 use super::table::{OnTable, Table, screen_on_table};
+use super::together::{refine_side_by_side, share_of_a_thread};
 use super::variables::Plan;
 use super::workshop::Workshop;
 use super::{Control, Counters, Phase, SearchProblem, propose};
@@ -258,22 +259,78 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
 /// Refines every start for a while; returns them best first. The first start is worked on
 /// whatever the control says, so that there always is a best so far.
 fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
-    let smoothing = context.first_smoothing();
     let table = Table::new(context.evaluator.platform()).filter(Table::is_coarse);
-    let work = |context: Context<'_>, _, plan: Plan| {
-        let result = match &table {
-            // Free angles say little about a coarse table.
-            Some(table) => screen_on_table(context, table, &plan),
-            // A plan without spare time has no variables to refine.
-            None => refine(context, &plan, smoothing, SCREENING_ITERATIONS)
-                .or_else(|| rate(context, &plan, smoothing)),
-        };
-        context.work.starts.fetch_add(1, Ordering::Relaxed);
-        result
+    let mut refined = match &table {
+        // Free angles say little about a coarse table.
+        Some(table) => in_parallel(
+            context,
+            stage,
+            Phase::Screening,
+            starts,
+            |context, _, plan: Plan| {
+                context.work.starts.fetch_add(1, Ordering::Relaxed);
+                screen_on_table(context, table, &plan)
+            },
+        ),
+        None => screen_together(context, stage, starts),
     };
-    let mut refined = in_parallel(context, stage, Phase::Screening, starts, work);
     refined.sort_by(|a, b| a.merit.total_cmp(&b.merit));
     refined
+}
+
+/// Refines the starts side by side, a share of them on each thread, and hands every one that ends
+/// to the journal.
+fn screen_together(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
+    let smoothing = context.first_smoothing();
+    let total = starts.len() as u64;
+    let done = AtomicU64::new(0);
+    let name = |index: usize| format!("{stage}/{}/{index}", Phase::Screening.name());
+    let share = share_of_a_thread(starts.len());
+    let numbered: Vec<(usize, Plan)> = starts.into_iter().enumerate().collect();
+    let screen_share = |starts: &[(usize, Plan)]| {
+        let mut out: Vec<(usize, Option<Refined>)> = Vec::with_capacity(starts.len());
+        let mut keep = |index, result: Option<Refined>| {
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            let criterion = result.as_ref().and_then(|r| r.criterion(context));
+            let phase = Phase::Screening;
+            context.control.report(phase, count, total, criterion);
+            out.push((index, result));
+        };
+        let mut to_do: Vec<&(usize, Plan)> = Vec::with_capacity(starts.len());
+        for start in starts {
+            match context.recalled(&name(start.0)) {
+                Some(known) => keep(start.0, known),
+                None if start.0 > 0 && context.must_stop() => {}
+                None => to_do.push(start),
+            }
+        }
+        let plans = to_do.iter().map(|(_, plan)| plan.clone()).collect();
+        refine_side_by_side(context, plans, smoothing, SCREENING_ITERATIONS, |ended| {
+            if ended.gradients == 0 {
+                // The search was stopped before it was begun.
+                return;
+            }
+            let (index, plan) = to_do[ended.index];
+            let own = Work::default();
+            own.starts.fetch_add(1, Ordering::Relaxed);
+            own.count_gradients(ended.gradients);
+            let with_own = Context {
+                work: &own,
+                ..context
+            };
+            // A plan without spare time has no variables to refine.
+            let result = ended.refined.or_else(|| rate(with_own, plan, smoothing));
+            context.put_down(name(*index), result.as_ref(), &own);
+            keep(*index, result);
+        });
+        out
+    };
+    let mut screened: Vec<(usize, Option<Refined>)> = numbered
+        .par_chunks(share)
+        .flat_map_iter(screen_share)
+        .collect();
+    screened.sort_by_key(|(index, _)| *index);
+    screened.into_iter().filter_map(|(_, r)| r).collect()
 }
 
 impl Context<'_> {

@@ -128,11 +128,11 @@ impl<C: Coordinates> Gradient for &Problem<'_, C> {
 }
 
 /// L-BFGS memory.
-const MEMORY: usize = 20;
+pub(super) const MEMORY: usize = 20;
 /// Stop when the gradient of the merit is shorter than this.
-const GRADIENT_TOLERANCE: f64 = 1e-5;
+pub(super) const GRADIENT_TOLERANCE: f64 = 1e-5;
 /// Stop when the merit changes by less than this.
-const COST_TOLERANCE: f64 = 1e-9;
+pub(super) const COST_TOLERANCE: f64 = 1e-9;
 
 /// Refines angles and dwells of `plan` together; none when the plan has no merit at all.
 pub(crate) fn refine(

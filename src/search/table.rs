@@ -252,12 +252,20 @@ pub(super) fn screen_on_table(context: Context<'_>, table: &Table, plan: &Plan) 
 pub(super) struct OnTable(pub Table);
 
 impl Workshop for OnTable {
-    fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-        let snapped = rate(context, plan, smoothing)?;
-        // The dwells first: a position that is new has one that is a guess.
-        let allocated = allocate(context, snapped, smoothing);
-        let once = exchange_once(context, &self.0, smoothing, Reach::Near, allocated);
-        Some(allocate(context, once, smoothing))
+    fn try_out(
+        &self,
+        context: Context<'_>,
+        plans: Vec<Plan>,
+        smoothing: Smoothing,
+    ) -> Vec<Option<Refined>> {
+        let try_one = |plan| {
+            let snapped = rate(context, &plan, smoothing)?;
+            // The dwells first: a position that is new has one that is a guess.
+            let allocated = allocate(context, snapped, smoothing);
+            let once = exchange_once(context, &self.0, smoothing, Reach::Near, allocated);
+            Some(allocate(context, once, smoothing))
+        };
+        plans.into_par_iter().map(try_one).collect()
     }
 
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined {

@@ -7,8 +7,13 @@ use crate::criterion::Smoothing;
 
 /// The steps of a search that differ between free angles and an index table.
 pub(super) trait Workshop: Sync {
-    /// A little work: enough to see whether a proposal leads somewhere.
-    fn try_out(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined>;
+    /// A little work on each plan: enough to see whether a proposal leads somewhere.
+    fn try_out(
+        &self,
+        context: Context<'_>,
+        plans: Vec<Plan>,
+        smoothing: Smoothing,
+    ) -> Vec<Option<Refined>>;
     /// A proposal that won, worked out; never worse than it was.
     fn work_out(&self, context: Context<'_>, plan: Refined, smoothing: Smoothing) -> Refined;
     /// Angles, dwells and number of positions settled; none when the plan comes to nothing.

@@ -1,6 +1,5 @@
 //! Several schedules at once against one at a time.
 
-use scheme_opt::covariance::gradient::LegGradient;
 use scheme_opt::covariance::{CovarianceModel, TickRule};
 use scheme_opt::criterion::{Criterion, Smoothing};
 use scheme_opt::drift::CoefficientVector;
@@ -15,7 +14,9 @@ use crate::support::Random;
 enum Kind {
     /// Angles only, moves that take no time; long enough to tell all coefficients.
     SameDurations,
-    /// Numbers of positions, durations, moves measured and not.
+    /// Numbers of positions and durations, moves that take time, a return.
+    Slews,
+    /// The same with measured moves and dwells shorter than a period.
     AllApart,
     /// As `AllApart`, with the moves of frame-hold repositioning.
     FrameHold,
@@ -26,7 +27,8 @@ fn platform(random: &mut Random, kind: Kind) -> Platform {
     config.site.latitude_deg = random.between(-80.0, 80.0);
     match kind {
         Kind::SameDurations => {}
-        Kind::AllApart => {
+        Kind::Slews | Kind::AllApart => {
+            config.motion.return_to_start = kind == Kind::Slews;
             config.motion.settle_s = 30.0;
             config.motion.slew_rate_deg_per_s = Some(1.0);
         }
@@ -45,7 +47,7 @@ fn timeline(random: &mut Random, platform: &Platform, kind: Kind) -> Timeline {
     let positions = (0..count).map(|k| {
         let dwell_s = match apart {
             // Shorter than a period, whole, and neither.
-            true if k == 2 => 4.0,
+            true if k == 2 && kind != Kind::Slews => 4.0,
             true if k % 2 == 0 => random.between(150.0, 900.0).round(),
             true => random.between(150.0, 900.0),
             false => 950.0 + 13.7 * k as f64,
@@ -63,7 +65,7 @@ fn timeline(random: &mut Random, platform: &Platform, kind: Kind) -> Timeline {
 fn tolerance(kind: Kind) -> f64 {
     match kind {
         Kind::SameDurations => 1e-12,
-        Kind::AllApart | Kind::FrameHold => 1e-10,
+        Kind::Slews | Kind::AllApart | Kind::FrameHold => 1e-10,
     }
 }
 
@@ -77,7 +79,12 @@ fn problem(seed: u64, kind: Kind) -> (CovarianceModel, Vec<Timeline>) {
     (CovarianceModel::new(&platform), timelines)
 }
 
-const KINDS: [Kind; 3] = [Kind::SameDurations, Kind::AllApart, Kind::FrameHold];
+const KINDS: [Kind; 4] = [
+    Kind::SameDurations,
+    Kind::Slews,
+    Kind::AllApart,
+    Kind::FrameHold,
+];
 
 #[test]
 fn values_are_those_of_single_schedules() {
@@ -109,38 +116,26 @@ fn values_are_those_of_single_schedules() {
     }
 }
 
-/// The largest difference of two gradients, angles and times each against the largest of them.
-fn difference(a: &[LegGradient], b: &[LegGradient]) -> f64 {
-    let parts = |l: &LegGradient| {
-        let [x, y, z] = l.angles;
-        ([x, y, z], [l.dwell_s, l.move_s])
-    };
-    let largest = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0_f64, |m, v| m.max(v.abs()));
-    let angle = largest(&mut a.iter().flat_map(|l| parts(l).0));
-    let time = largest(&mut a.iter().flat_map(|l| parts(l).1));
-    let pairs = || a.iter().map(parts).zip(b.iter().map(parts));
-    let angles = pairs().flat_map(|((x, _), (y, _))| (0..3).map(move |i| x[i] - y[i]));
-    let times = pairs().flat_map(|((_, x), (_, y))| (0..2).map(move |i| x[i] - y[i]));
-    let (mut angles, mut times) = (angles, times);
-    (largest(&mut angles) / angle).max(largest(&mut times) / time)
-}
-
+/// Whatever shares a group and whatever the lanes: the bits of the schedule alone.
 #[test]
 fn gradients_are_those_of_single_schedules() {
-    for criterion in [Criterion::rms(), Criterion::D] {
-        let merit = |p: &_| criterion.log_with_gradient(p, Smoothing::Exact);
-        for (seed, kind) in KINDS.into_iter().enumerate() {
-            let (model, timelines) = problem(10 + seed as u64, kind);
+    for (seed, kind) in KINDS.into_iter().enumerate() {
+        for criterion in [Criterion::rms(), Criterion::D] {
+            let merit = |p: &_| criterion.log_with_gradient(p, Smoothing::Exact);
+            let (mut model, timelines) = problem(10 + seed as u64, kind);
             for rule in [TickRule::Relaxed, TickRule::Filter] {
-                let found = model.gradients(&timelines, rule, merit);
-                for (i, timeline) in timelines.iter().enumerate() {
-                    let (value, gradient) = model.gradient(timeline, rule, merit).unwrap();
-                    let (batch_value, batch_gradient) = found[i].as_ref().unwrap();
-                    assert!((value - batch_value).abs() < tolerance(kind));
-                    assert_eq!(gradient.len(), batch_gradient.len());
-                    let error = difference(&gradient, batch_gradient);
-                    let most = 10.0 * tolerance(kind);
-                    assert!(error < most, "{kind:?} {rule:?} {i}: off by {error:e}");
+                let alone: Vec<_> = timelines
+                    .iter()
+                    .map(|timeline| model.gradient(timeline, rule, merit).unwrap())
+                    .collect();
+                for lanes in [1, 4, 8] {
+                    model = model.with_most_lanes(lanes);
+                    for count in [19, 6, 5] {
+                        let found = model.gradients(&timelines[..count], rule, merit);
+                        for (found, alone) in found.iter().zip(&alone) {
+                            assert_eq!(found.as_ref().unwrap(), alone, "{kind:?} {lanes} lanes");
+                        }
+                    }
                 }
             }
         }

@@ -66,11 +66,11 @@ impl<A: Arithmetic> Work for Join<'_, A> {
 
 /// The information at the end of every lane's timeline, between what is given.
 #[inline(always)]
-pub(super) fn run<S: Simd, L: Alignment>(
-    group: &Group<'_, S, L>,
+pub(super) fn run<S: Simd, L: Alignment, const FUSED: bool>(
+    group: &Group<'_, S, L, FUSED>,
     between: Option<&Between>,
-    tape: &mut Tape<Lanes<S, L>>,
-) -> Information<Lanes<S, L>> {
+    tape: &mut Tape<Lanes<S, L, FUSED>>,
+) -> Information<Lanes<S, L, FUSED>> {
     let ar = group.ar;
     let model = group.timelines[0].model;
     let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);

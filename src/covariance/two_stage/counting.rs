@@ -24,6 +24,7 @@ use crate::covariance::{CovarianceModel, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::CoefficientVector;
 use crate::motion::Timeline;
+use crate::motion::integral::Panels;
 use crate::platform::PlatformConfig;
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -113,7 +114,8 @@ impl Arithmetic for Counting {
     type Triple = Array<Counted, 3>;
     type Quad = Array<Counted, 4>;
     type Node = Counted;
-    const NODES: usize = 1;
+    type Panels = Panels;
+    const PASSES: usize = 4;
     const MANY_REGISTERS: bool = true;
 
     fn number(self, value: f64) -> Counted {
@@ -134,8 +136,15 @@ impl Arithmetic for Counting {
     fn at_nodes(self, value: Counted) -> Counted {
         value
     }
-    fn nodes(self, values: &[f64; 4]) -> Counted {
-        Counted(values[0])
+    fn steps(self, panels: &Panels) -> usize {
+        panels.steps()
+    }
+    fn panel_share(self, panels: &Panels) -> Counted {
+        Counted(panels.share())
+    }
+    fn nodes(self, panels: &Panels, pass: usize, step: usize) -> [Counted; 2] {
+        let (panel, group) = panels.group(step);
+        [group.places[pass] + panel, group.weights[pass]].map(Counted)
     }
     fn sum_nodes(self, values: Counted) -> Counted {
         values
@@ -163,7 +172,7 @@ impl Legs<Counting> for CountedLegs<'_> {
     fn stretches(&self, leg: usize) -> usize {
         self.0.stretches(leg)
     }
-    fn stretch(&self, leg: usize, index: usize) -> Stretch<Counted> {
+    fn stretch(&self, leg: usize, index: usize) -> Stretch<Counted, Panels> {
         let s = self.0.stretch(leg, index);
         Stretch {
             turn: Turn {
@@ -283,7 +292,7 @@ fn the_work_of_a_schedule_is_what_it_was() {
         (6440, 1565, 12),
         (9662, 4545, 192),
         (15026, 7341, 336),
-        (65542, 53849, 609),
+        (65542, 56981, 609),
     ];
     assert_eq!(found, known);
 }

@@ -14,14 +14,13 @@ use super::numbers::{Arithmetic, Work, three};
 use super::square::{Entries, Square, entries, product, rows, transpose};
 use super::{Chain, DwellStep, MeasureStep, Place, Wide};
 use crate::covariance::gradient::LegGradient;
-use crate::motion::integral::Panels;
 
 /// An interval of a move without a measurement in it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stretch<N> {
+pub(crate) struct Stretch<N, P> {
     pub turn: Turn<N>,
     pub interval: Interval<N>,
-    pub panels: Panels,
+    pub panels: P,
     /// Of lanes whose move ends here 1, else 0.
     pub last: N,
     /// The weight of the measurement after it, 1/arcsec², and 1 where it follows the length, else
@@ -42,7 +41,7 @@ pub(crate) trait Legs<A: Arithmetic> {
     /// How many stretches the move to the position has.
     fn stretches(&self, leg: usize) -> usize;
     /// One of them.
-    fn stretch(&self, leg: usize, index: usize) -> Stretch<A::Number>;
+    fn stretch(&self, leg: usize, index: usize) -> Stretch<A::Number, A::Panels>;
     /// Whether it settles after the move.
     fn settles(&self, leg: usize) -> bool;
     /// How long, s.
@@ -166,7 +165,7 @@ impl<A: Arithmetic, L: Legs<A>, G: Gains<A>> Forward<'_, A, L, G> {
     fn stretch(&mut self, leg: usize, index: usize) {
         let s = self.legs.stretch(leg, index);
         let (passed, p, seen) = self.gains.stretch(leg, index);
-        let b = drift_integral(self.ar, self.earth, &s.turn, &s.interval, s.panels);
+        let b = drift_integral(self.ar, self.earth, &s.turn, &s.interval, &s.panels);
         self.chain.pass(&passed, &b);
         self.tape
             .push(leg, Step::Stretch(index, passed, self.chain.v, p));
@@ -380,7 +379,7 @@ impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>> Backward<'_, A, L, O> 
             self.earth,
             &s.turn,
             &s.interval,
-            s.panels,
+            &s.panels,
             &self.sweep.v,
         );
         self.out[leg].add_move(b.duration + length);

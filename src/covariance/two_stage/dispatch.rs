@@ -2,14 +2,14 @@
 
 use pulp::{NullaryFnOnce, Scalar, Simd};
 
-use super::numbers::{Align32, Align64, Alignment, Arithmetic, Lanes, MOST_LANES, Packed, Plain};
+use super::numbers::{Align32, Align64, Alignment, Lanes, MOST_LANES, Packed, Plain, Single};
 
 /// Work on one schedule, in whatever registers the machine has.
 pub(crate) trait Task {
     /// What comes of it.
     type Output;
     /// Does it; always inlined.
-    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> Self::Output;
+    fn run<A: Single>(self, ar: A) -> Self::Output;
 }
 
 /// Work on several schedules, one per lane.
@@ -17,7 +17,7 @@ pub(crate) trait LaneTask {
     /// What comes of it.
     type Output;
     /// Does it; always inlined.
-    fn run<S: Simd, L: Alignment>(self, ar: Lanes<S, L>) -> Self::Output;
+    fn run<S: Simd, L: Alignment, const FUSED: bool>(self, ar: Lanes<S, L, FUSED>) -> Self::Output;
 }
 
 /// A task with the registers it is to use.
@@ -32,13 +32,15 @@ impl<S: Simd, T: Task, const FUSED: bool> NullaryFnOnce for In<S, T, FUSED> {
 }
 
 /// A task in lanes with the registers it is to use.
-struct InLanes<S, L, T>(S, L, T);
+struct InLanes<S, L, T, const FUSED: bool>(S, L, T);
 
-impl<S: Simd, L: Alignment, T: LaneTask> NullaryFnOnce for InLanes<S, L, T> {
+impl<S: Simd, L: Alignment, T: LaneTask, const FUSED: bool> NullaryFnOnce
+    for InLanes<S, L, T, FUSED>
+{
     type Output = T::Output;
     #[inline(always)]
     fn call(self) -> T::Output {
-        self.2.run(Lanes(self.0, self.1))
+        self.2.run(Lanes::<S, L, FUSED>(self.0, self.1))
     }
 }
 
@@ -54,18 +56,33 @@ pub(crate) fn run<T: Task, const FUSED: bool>(task: T) -> T::Output {
     task.run(Plain)
 }
 
-/// Runs `task` in at most `most` lanes.
-pub(crate) fn run_in_lanes<T: LaneTask>(most: usize, task: T) -> T::Output {
+/// How many lanes [`run_in_lanes`] uses.
+pub(crate) fn lanes(most: usize) -> usize {
+    /// Counts them.
+    struct Count;
+    impl LaneTask for Count {
+        type Output = usize;
+        #[inline(always)]
+        fn run<S: Simd, L: Alignment, const FUSED: bool>(self, _: Lanes<S, L, FUSED>) -> usize {
+            S::F64_LANES
+        }
+    }
+    run_in_lanes::<_, false>(most, Count)
+}
+
+/// Runs `task` in at most `most` lanes. Unless `FUSED`, the results do not depend on how many there
+/// are, nor on the instruction set.
+pub(crate) fn run_in_lanes<T: LaneTask, const FUSED: bool>(most: usize, task: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     match pulp::x86::Arch::new() {
         pulp::x86::Arch::V4(simd) if most >= MOST_LANES => {
-            return simd.vectorize(InLanes(simd, Align64, task));
+            return simd.vectorize(InLanes::<_, _, _, FUSED>(simd, Align64, task));
         }
         pulp::x86::Arch::V4(simd) if most >= 4 => {
-            return simd.vectorize(InLanes(*simd, Align32, task));
+            return simd.vectorize(InLanes::<_, _, _, FUSED>(*simd, Align32, task));
         }
         pulp::x86::Arch::V3(simd) if most >= 4 => {
-            return simd.vectorize(InLanes(simd, Align32, task));
+            return simd.vectorize(InLanes::<_, _, _, FUSED>(simd, Align32, task));
         }
         _ => {}
     }
@@ -73,8 +90,8 @@ pub(crate) fn run_in_lanes<T: LaneTask>(most: usize, task: T) -> T::Output {
     if most >= 2
         && let Some(simd) = pulp::aarch64::Neon::try_new()
     {
-        return simd.vectorize(InLanes(simd, Align32, task));
+        return simd.vectorize(InLanes::<_, _, _, FUSED>(simd, Align32, task));
     }
     let _ = most;
-    InLanes(Scalar::new(), Align32, task).call()
+    InLanes::<_, _, _, FUSED>(Scalar::new(), Align32, task).call()
 }

@@ -29,19 +29,6 @@ pub(crate) struct DwellNumbers {
 }
 
 impl DwellNumbers {
-    /// A place holder.
-    pub const NOTHING: Self = Self {
-        r11: [[0.0; 4]; 3],
-        r12: [[0.0; 4]; 3],
-        r22: [[0.0; 4]; 3],
-        j: [[0.0; 4]; 3],
-        cross: [[0.0; 4]; 3],
-        a_psi: [[0.0; 4]; 3],
-        a_psi_t: [[0.0; 4]; 3],
-        a_epsilon: [[0.0; 4]; 3],
-        c: [[0.0; 4]; 3],
-    };
-
     /// Of `kernel`.
     pub fn new(kernel: &Kernel) -> Self {
         let padded = |m: &Matrix3<f64>| [0, 1, 2].map(|i| [m[(i, 0)], m[(i, 1)], m[(i, 2)], 0.0]);
@@ -106,10 +93,10 @@ impl<A: Arithmetic> DwellKernel<A> {
     }
 }
 
-impl<S: Simd, L: Alignment> DwellKernel<Lanes<S, L>> {
+impl<S: Simd, L: Alignment, const FUSED: bool> DwellKernel<Lanes<S, L, FUSED>> {
     /// Each lane its own kernel.
     #[inline(always)]
-    pub fn gather(ar: Lanes<S, L>, of: &[DwellNumbers; MOST_LANES]) -> Self {
+    pub fn gather(ar: Lanes<S, L, FUSED>, of: &[&DwellNumbers; MOST_LANES]) -> Self {
         macro_rules! matrix {
             ($field:ident) => {
                 three!(|i| three!(|j| {

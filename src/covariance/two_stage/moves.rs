@@ -6,7 +6,6 @@ use super::numbers::{Arithmetic, Number, Row, four, three};
 use super::square::{Entries, dot, transpose};
 use super::trigonometry::sin_cos;
 use crate::attitude::UP;
-use crate::motion::integral::Panels;
 
 /// A move in the chain's numbers.
 #[derive(Debug, Clone, Copy)]
@@ -95,9 +94,9 @@ impl<N: Number> Nodes<N> {
         earth: &Earth<A::Number>,
         turn: &Turn<A::Number>,
         interval: &Interval<A::Number>,
-        panels: Panels,
+        panels: &A::Panels,
     ) -> Self {
-        let width = interval.length_s * ar.number(1.0 / panels.count as f64);
+        let width = interval.length_s * ar.panel_share(panels);
         Self {
             earth: earth.at_nodes(ar),
             from: three!(|i| ar.at_nodes(turn.from[i])),
@@ -109,10 +108,10 @@ impl<N: Number> Nodes<N> {
         }
     }
 
-    /// At `places` (on [0, 1]) of a panel, with those `weights`.
+    /// At `places`, in widths of a panel from the start, with those `weights`.
     #[inline(always)]
-    fn at(&self, panel: usize, places: N, weights: N) -> AtNode<N> {
-        let t = self.width * (places + places.constant(panel as f64));
+    fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
+        let t = self.width * places;
         let fraction = (self.start + t) * self.per_duration;
         let (c, alpha) = attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])));
         let weight = self.width * weights;
@@ -126,6 +125,10 @@ impl<N: Number> Nodes<N> {
     }
 }
 
+/// The order of the passes. Four nodes in one register are summed as (0 + 2) + (1 + 3); one by one
+/// they are summed in the same way, so that a lane has the bits of its schedule alone.
+const PASSES: [usize; 4] = [0, 2, 1, 3];
+
 /// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval.
 #[inline(always)]
 pub(crate) fn drift_integral<A: Arithmetic>(
@@ -133,14 +136,19 @@ pub(crate) fn drift_integral<A: Arithmetic>(
     earth: &Earth<A::Number>,
     turn: &Turn<A::Number>,
     interval: &Interval<A::Number>,
-    panels: Panels,
+    panels: &A::Panels,
 ) -> Wide<A::Quad> {
-    let nothing = ar.at_nodes(ar.number(0.0));
-    let mut sums = [[[nothing; 4]; 3]; 3];
+    let nothing = ar.quad([ar.number(0.0); 4]);
+    let mut halves = [[[nothing; 3]; 3]; 2];
     let nodes = Nodes::new(ar, earth, turn, interval, panels);
-    for panel in 0..panels.count {
-        for group in panels.rule.groups(A::NODES) {
-            let node = nodes.at(panel, ar.nodes(&group.places), ar.nodes(&group.weights));
+    for pass in PASSES {
+        if pass >= A::PASSES {
+            continue;
+        }
+        let nothing = ar.at_nodes(ar.number(0.0));
+        let mut sums = [[[nothing; 4]; 3]; 3];
+        for step in 0..ar.steps(panels) {
+            let node = nodes.at(ar.nodes(panels, pass, step));
             let turned = product(&node.phi, &node.c);
             for i in 0..3 {
                 for j in 0..3 {
@@ -153,8 +161,15 @@ pub(crate) fn drift_integral<A: Arithmetic>(
                 }
             }
         }
+        let half = &mut halves[pass % 2];
+        for i in 0..3 {
+            for j in 0..3 {
+                let sum = ar.quad(four!(|e| ar.sum_nodes(sums[i][j][e])));
+                half[i][j] = half[i][j].plus(sum);
+            }
+        }
     }
-    three!(|i| three!(|j| ar.quad(four!(|e| ar.sum_nodes(sums[i][j][e])))))
+    three!(|i| three!(|j| halves[0][i][j].plus(halves[1][i][j])))
 }
 
 /// Reverse mode of [`drift_integral`]: adjoints of angles and duration, given the adjoint of B.
@@ -165,26 +180,35 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic>(
     earth: &Earth<A::Number>,
     turn: &Turn<A::Number>,
     interval: &Interval<A::Number>,
-    panels: Panels,
+    panels: &A::Panels,
     b: &Wide<A::Quad>,
 ) -> IntegralAdjoint<A::Number> {
-    let nothing = ar.at_nodes(ar.number(0.0));
     let b = three!(|i| three!(|j| four!(|e| ar.at_nodes(b[i][j].get(e)))));
-    let (mut from, mut change) = ([nothing; 3], [nothing; 3]);
+    let mut halves = [[[ar.number(0.0); 3]; 2]; 2];
     let nodes = Nodes::new(ar, earth, turn, interval, panels);
-    for panel in 0..panels.count {
-        for group in panels.rule.groups(A::NODES) {
-            let node = nodes.at(panel, ar.nodes(&group.places), ar.nodes(&group.weights));
+    for pass in PASSES {
+        if pass >= A::PASSES {
+            continue;
+        }
+        let nothing = ar.at_nodes(ar.number(0.0));
+        let (mut from, mut change) = ([nothing; 3], [nothing; 3]);
+        for step in 0..ar.steps(panels) {
+            let node = nodes.at(ar.nodes(panels, pass, step));
             let angles = angle_adjoint(&node, &b);
             for i in 0..3 {
                 from[i] = from[i] + angles[i];
                 change[i] = node.fraction.mul_add(angles[i], change[i]);
             }
         }
+        let half = &mut halves[pass % 2];
+        for i in 0..3 {
+            half[0][i] = half[0][i] + ar.sum_nodes(from[i]);
+            half[1][i] = half[1][i] + ar.sum_nodes(change[i]);
+        }
     }
-    let change = three!(|i| ar.sum_nodes(change[i]));
+    let [from, change] = [0, 1].map(|k| three!(|i| halves[0][k][i] + halves[1][k][i]));
     IntegralAdjoint {
-        from: three!(|i| ar.sum_nodes(from[i])),
+        from,
         change,
         duration: -(dot(&turn.change, &change) / turn.duration_s),
     }
@@ -245,6 +269,7 @@ mod tests {
     use crate::drift::{COEFFICIENTS, DriftMatrix};
     use crate::dynamics::ErrorDynamics;
     use crate::motion::Move;
+    use crate::motion::integral::Panels;
 
     fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
         let turn = Turn {
@@ -262,7 +287,7 @@ mod tests {
     fn integral(m: &Move, dynamics: &ErrorDynamics, start_s: f64, length_s: f64) -> DriftMatrix {
         let (turn, interval, panels) = parts(m, start_s, length_s);
         let earth = Earth::new(0.0, dynamics, 0.0);
-        let b = drift_integral(Plain, &earth, &turn, &interval, panels);
+        let b = drift_integral(Plain, &earth, &turn, &interval, &panels);
         DriftMatrix::from_fn(|i, c| {
             let (at, sign) = PLACES[c];
             sign * b[i][at / 4].get(at % 4)
@@ -313,7 +338,7 @@ mod tests {
         }
         let (turn, interval, panels) = parts(&base, start, length);
         let earth = Earth::new(0.0, &dynamics, 0.0);
-        let adjoint = drift_integral_adjoint(Plain, &earth, &turn, &interval, panels, &wide);
+        let adjoint = drift_integral_adjoint(Plain, &earth, &turn, &interval, &panels, &wide);
         let slope = |h: f64, shift: &dyn Fn(&mut Move, f64)| {
             let at = |by: f64| {
                 let mut m = base;

@@ -67,6 +67,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use pulp::bytemuck::{cast, cast_slice};
 use pulp::{NullaryFnOnce, Simd};
 
+use crate::motion::integral::Panels;
+
 /// A real number, or one per lane.
 pub(crate) trait Number:
     Copy
@@ -150,8 +152,11 @@ pub(crate) trait Arithmetic: Copy + Debug {
     type Quad: Row<Number = Self::Number>;
     /// Numbers at several nodes of a quadrature at once.
     type Node: Number;
-    /// How many nodes that is.
-    const NODES: usize;
+    /// How an interval is integrated, in every lane.
+    type Panels: Copy + Debug;
+    /// How often a sum over the nodes goes over them: a pass visits every fourth of them or, where a
+    /// [`Arithmetic::Node`] is four nodes, all.
+    const PASSES: usize;
     /// Whether four quads fit into registers with room to work: one schedule has a quad in a
     /// register; of lanes, AVX-512 has thirty-two registers and the others sixteen.
     const MANY_REGISTERS: bool;
@@ -173,11 +178,20 @@ pub(crate) trait Arithmetic: Copy + Debug {
     fn quad(self, entries: [Self::Number; 4]) -> Self::Quad;
     /// The same at every node.
     fn at_nodes(self, value: Self::Number) -> Self::Node;
-    /// `values` at the nodes, one each; the first [`Arithmetic::NODES`] of them count.
-    fn nodes(self, values: &[f64; 4]) -> Self::Node;
+    /// How many steps a pass over the nodes of `panels` takes.
+    fn steps(self, panels: &Self::Panels) -> usize;
+    /// 1 by the number of panels.
+    fn panel_share(self, panels: &Self::Panels) -> Self::Number;
+    /// The places, in widths of a panel, and weights of the nodes visited in a step of a pass.
+    fn nodes(self, panels: &Self::Panels, pass: usize, step: usize) -> [Self::Node; 2];
     /// The sum over the nodes.
     fn sum_nodes(self, values: Self::Node) -> Self::Number;
 }
+
+/// The arithmetic of one schedule.
+pub(crate) trait Single: Arithmetic<Number = f64, Panels = Panels> + 'static {}
+
+impl<A: Arithmetic<Number = f64, Panels = Panels> + 'static> Single for A {}
 
 impl Number for f64 {
     #[inline(always)]
@@ -271,7 +285,8 @@ impl Arithmetic for Plain {
     type Triple = Array<f64, 3>;
     type Quad = Array<f64, 4>;
     type Node = Four;
-    const NODES: usize = 4;
+    type Panels = Panels;
+    const PASSES: usize = 1;
     const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
@@ -299,8 +314,17 @@ impl Arithmetic for Plain {
         Four([value; 4])
     }
     #[inline(always)]
-    fn nodes(self, values: &[f64; 4]) -> Four {
-        Four(*values)
+    fn steps(self, panels: &Panels) -> usize {
+        panels.steps()
+    }
+    #[inline(always)]
+    fn panel_share(self, panels: &Panels) -> f64 {
+        panels.share()
+    }
+    #[inline(always)]
+    fn nodes(self, panels: &Panels, _: usize, step: usize) -> [Four; 2] {
+        let (panel, group) = panels.group(step);
+        [Four(group.places) + Four([panel; 4]), Four(group.weights)]
     }
     #[inline(always)]
     fn sum_nodes(self, values: Four) -> f64 {
@@ -537,7 +561,8 @@ impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
     type Triple = Register<S, FUSED, Align32>;
     type Quad = Register<S, FUSED, Align32>;
     type Node = Register<S, FUSED, Align32>;
-    const NODES: usize = 4;
+    type Panels = Panels;
+    const PASSES: usize = 1;
     const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
@@ -565,8 +590,20 @@ impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
         Register::new(self.0, self.0.splat_f64s(value))
     }
     #[inline(always)]
-    fn nodes(self, values: &[f64; 4]) -> Self::Node {
-        self.quad(*values)
+    fn steps(self, panels: &Panels) -> usize {
+        panels.steps()
+    }
+    #[inline(always)]
+    fn panel_share(self, panels: &Panels) -> f64 {
+        panels.share()
+    }
+    #[inline(always)]
+    fn nodes(self, panels: &Panels, _: usize, step: usize) -> [Self::Node; 2] {
+        let (panel, group) = panels.group(step);
+        [
+            self.quad(group.places) + self.at_nodes(panel),
+            self.quad(group.weights),
+        ]
     }
     #[inline(always)]
     fn sum_nodes(self, values: Self::Node) -> f64 {
@@ -575,16 +612,18 @@ impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
     }
 }
 
-/// Several schedules, one per lane of the registers of `S`.
+/// Several schedules, one per lane of the registers of `S`. With `FUSED`, products and sums round
+/// once; without, every lane has the bits of its schedule alone.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lanes<S, L>(pub S, pub L);
+pub(crate) struct Lanes<S, L, const FUSED: bool>(pub S, pub L);
 
-impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
-    type Number = Register<S, true, L>;
-    type Triple = Array<Register<S, true, L>, 3>;
-    type Quad = Array<Register<S, true, L>, 4>;
-    type Node = Register<S, true, L>;
-    const NODES: usize = 1;
+impl<S: Simd, L: Alignment, const FUSED: bool> Arithmetic for Lanes<S, L, FUSED> {
+    type Number = Register<S, FUSED, L>;
+    type Triple = Array<Register<S, FUSED, L>, 3>;
+    type Quad = Array<Register<S, FUSED, L>, 4>;
+    type Node = Register<S, FUSED, L>;
+    type Panels = [Panels; MOST_LANES];
+    const PASSES: usize = 4;
     const MANY_REGISTERS: bool = S::F64_LANES == MOST_LANES;
 
     #[inline(always)]
@@ -616,8 +655,33 @@ impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
         value
     }
     #[inline(always)]
-    fn nodes(self, values: &[f64; 4]) -> Self::Node {
-        self.number(values[0])
+    fn steps(self, panels: &Self::Panels) -> usize {
+        let mut most = 0;
+        for of in &panels[..S::F64_LANES] {
+            most = most.max(of.steps());
+        }
+        most
+    }
+    #[inline(always)]
+    fn panel_share(self, panels: &Self::Panels) -> Self::Number {
+        let mut share = [0.0; MOST_LANES];
+        for lane in 0..S::F64_LANES {
+            share[lane] = panels[lane].share();
+        }
+        Register::gather(self.0, &share)
+    }
+    #[inline(always)]
+    fn nodes(self, panels: &Self::Panels, pass: usize, step: usize) -> [Self::Node; 2] {
+        let (mut places, mut weights) = ([0.0; MOST_LANES], [0.0; MOST_LANES]);
+        for lane in 0..S::F64_LANES {
+            // A lane that is done waits at a node of no weight.
+            if step < panels[lane].steps() {
+                let (panel, group) = panels[lane].group(step);
+                places[lane] = group.places[pass] + panel;
+                weights[lane] = group.weights[pass];
+            }
+        }
+        [places, weights].map(|values| Register::gather(self.0, &values))
     }
     #[inline(always)]
     fn sum_nodes(self, values: Self::Node) -> Self::Number {

@@ -11,7 +11,7 @@ use super::earth::Earth;
 use super::gains::{DwellKernel, Gains, Own};
 use super::information::{PLACES, complete, pulled_slope, symmetric_product, to_coefficients};
 use super::moves::{Interval, Turn};
-use super::numbers::{Arithmetic, Row};
+use super::numbers::{Arithmetic, Row, Single};
 use super::square::mirrored;
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
@@ -32,7 +32,7 @@ pub(crate) struct OneTimeline<'a, A> {
     pub keep_empty: bool,
 }
 
-impl<A: Arithmetic<Number = f64>> OneTimeline<'_, A> {
+impl<A: Single> OneTimeline<'_, A> {
     /// The move to a leg, where it takes time.
     pub fn slew(&self, leg: usize) -> Option<&Move> {
         let arrival = self.timeline.legs()[leg].arrival.as_ref()?;
@@ -60,7 +60,7 @@ impl<A: Arithmetic<Number = f64>> OneTimeline<'_, A> {
     }
 }
 
-impl<A: Arithmetic<Number = f64>> Legs<A> for OneTimeline<'_, A> {
+impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     #[inline(always)]
     fn count(&self) -> usize {
         self.timeline.legs().len()
@@ -92,7 +92,7 @@ impl<A: Arithmetic<Number = f64>> Legs<A> for OneTimeline<'_, A> {
         }
     }
     #[inline(always)]
-    fn stretch(&self, leg: usize, index: usize) -> Stretch<f64> {
+    fn stretch(&self, leg: usize, index: usize) -> Stretch<f64, Panels> {
         // Only called for legs that have stretches, hence a move.
         let none = Move {
             from: [0.0; 3],
@@ -186,7 +186,7 @@ struct AtEnd {
 impl Task for ToEnd<'_> {
     type Output = Result<AtEnd>;
     #[inline(always)]
-    fn run<A: Arithmetic<Number = f64> + 'static>(self, ar: A) -> Result<AtEnd> {
+    fn run<A: Single>(self, ar: A) -> Result<AtEnd> {
         let model = self.model;
         let earth = model.earth();
         let legs = OneTimeline {
@@ -244,7 +244,7 @@ thread_local! {
 
 /// This thread's tape, empty. Taken out, not borrowed: a figure of merit may itself ask for a
 /// gradient.
-fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
+pub(crate) fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
     let kept = TAPE.with(RefCell::take);
     let kept: Option<Box<Tape<A>>> = kept.and_then(|t| t.downcast().ok());
     let mut tape = kept.unwrap_or_else(|| {
@@ -259,7 +259,7 @@ fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
 }
 
 /// Puts the tape back.
-fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
+pub(crate) fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
     TAPE.with(|slot| slot.replace(Some(tape)));
 }
 

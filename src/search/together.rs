@@ -1,0 +1,156 @@
+//! Several plans refined side by side, one gradient per lane.
+//!
+//! Every plan has a minimisation of its own ([`super::lbfgs`]); in each round all of them say where
+//! they want value and gradient, and the points are evaluated together. A plan that is done makes
+//! room for the next. A lane has the bits of its schedule alone, so what a plan becomes depends
+//! neither on the plans beside it nor on how they were shared out over lanes and threads.
+
+use std::collections::VecDeque;
+
+use rayon::prelude::*;
+
+use super::lbfgs::{Lbfgs, Progress};
+use super::pipeline::Context;
+use super::refine::{Coordinates, Refined};
+use super::variables::{Plan, Variables};
+use crate::criterion::Smoothing;
+
+/// Plans on their way at a time: as many as the widest registers have lanes.
+const SIDE_BY_SIDE: usize = 8;
+
+/// What became of a plan.
+pub(super) struct Ended {
+    /// Which one.
+    pub index: usize,
+    /// The best that was seen; none when it has no merit at all or was not begun.
+    pub refined: Option<Refined>,
+    /// Gradients it took.
+    pub gradients: u64,
+}
+
+/// Refines angles and dwells of every plan; results in the order of the plans.
+pub(super) fn refine_all(
+    context: Context<'_>,
+    plans: Vec<Plan>,
+    smoothing: Smoothing,
+    iterations: u64,
+) -> Vec<Option<Refined>> {
+    let shared: Vec<Vec<Option<Refined>>> = plans
+        .par_chunks(share_of_a_thread(plans.len()))
+        .map(|plans| {
+            let mut out = vec![None; plans.len()];
+            refine_side_by_side(context, plans.to_vec(), smoothing, iterations, |ended| {
+                context.work.count_gradients(ended.gradients);
+                out[ended.index] = ended.refined;
+            });
+            out
+        })
+        .collect();
+    shared.into_iter().flatten().collect()
+}
+
+/// How many of `count` plans a thread takes at a time.
+pub(super) fn share_of_a_thread(count: usize) -> usize {
+    count.div_ceil(rayon::current_num_threads()).max(1)
+}
+
+/// A plan on its way.
+struct Active {
+    index: usize,
+    search: Lbfgs,
+    gradients: u64,
+}
+
+impl Active {
+    fn end(self, variables: &Variables<'_>) -> Ended {
+        let refined = self.search.into_best().and_then(|(merit, x)| {
+            let plan = variables.decode(&x)?;
+            Some(Refined { plan, merit })
+        });
+        Ended {
+            index: self.index,
+            refined,
+            gradients: self.gradients,
+        }
+    }
+}
+
+/// Refines the plans on this thread and hands each over when it ends. When the search is to stop
+/// it ends soon, with at least one evaluation of the first plan.
+pub(super) fn refine_side_by_side(
+    context: Context<'_>,
+    plans: Vec<Plan>,
+    smoothing: Smoothing,
+    iterations: u64,
+    mut hand_over: impl FnMut(Ended),
+) {
+    let platform = context.evaluator.platform();
+    let variables = Variables::angles_and_dwells(platform, context.problem.total_time_s);
+    let mut waiting: VecDeque<(usize, Plan)> = plans.into_iter().enumerate().collect();
+    let mut active: Vec<Active> = Vec::with_capacity(SIDE_BY_SIDE);
+    loop {
+        while active.len() < SIDE_BY_SIDE
+            && let Some((index, plan)) = waiting.pop_front()
+        {
+            active.push(Active {
+                index,
+                search: Lbfgs::new(variables.encode(&plan), iterations),
+                gradients: 0,
+            });
+        }
+        if active.is_empty() {
+            return;
+        }
+        let progress = advance(context, &variables, smoothing, &mut active);
+        let stop = context.must_stop();
+        // From the last on, so that the places of the others stay.
+        for k in (0..active.len()).rev() {
+            if stop || progress[k] == Progress::Ended {
+                hand_over(active.remove(k).end(&variables));
+            }
+        }
+        if stop {
+            for (index, _) in waiting.drain(..) {
+                hand_over(Ended {
+                    index,
+                    refined: None,
+                    gradients: 0,
+                });
+            }
+        }
+    }
+}
+
+/// Value and gradient for every minimisation, evaluated together.
+fn advance(
+    context: Context<'_>,
+    variables: &Variables<'_>,
+    smoothing: Smoothing,
+    active: &mut [Active],
+) -> Vec<Progress> {
+    let mut timelines = Vec::with_capacity(active.len());
+    let planned: Vec<bool> = active
+        .iter()
+        .map(|a| {
+            let timeline = variables.timeline(a.search.point());
+            let planned = timeline.is_some();
+            timelines.extend(timeline);
+            planned
+        })
+        .collect();
+    let found = context.evaluator.merit_gradients(&timelines, smoothing);
+    let mut found = timelines.iter().zip(found);
+    active
+        .iter_mut()
+        .zip(planned)
+        .map(|(a, planned)| {
+            a.gradients += 1;
+            let answer = if planned { found.next() } else { None };
+            let Some((timeline, Ok((value, legs)))) = answer else {
+                return a.search.tell(None);
+            };
+            let gradient = variables.pull_back(a.search.point(), timeline, &legs);
+            a.search.tell(Some((value, &gradient)))
+        })
+        .collect()
+}
