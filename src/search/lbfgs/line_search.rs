@@ -97,7 +97,7 @@ impl LineSearch {
         }
     }
 
-    /// Takes what was found at the step to try.
+    /// Takes what was found at the step to try; finite, or none.
     pub fn next(&mut self, found: Option<Slope>) -> Next {
         let Some(found) = found else {
             return self.shorter();
@@ -320,6 +320,7 @@ mod tests {
         let mut step = 1.0;
         for _ in 0..40 {
             let found = (step * scale < wall).then(|| at(step));
+            let found = found.filter(|f| f.value.is_finite());
             match search.next(found) {
                 Next::Try(next) => step = next,
                 Next::Accept => return Some(step),
