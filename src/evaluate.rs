@@ -22,7 +22,8 @@
 
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
-use crate::covariance::reference::{KNOWN, step_by_step};
+use crate::covariance::number::Number;
+use crate::covariance::reference::{Moment, step_by_step, step_by_step_extended};
 use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
@@ -137,6 +138,16 @@ impl Evaluation {
     }
 }
 
+/// A step-by-step filter.
+type Filter = fn(&Platform, &Timeline, &mut dyn FnMut(&Moment)) -> Result<EndCovariance>;
+
+/// What two computations came to.
+struct Checked {
+    end: EndCovariance,
+    convergence: ConvergenceHistory,
+    agreement: f64,
+}
+
 /// Scores schedules on one platform. Cheap to share between threads.
 ///
 /// ```
@@ -198,12 +209,12 @@ impl Evaluator {
     /// the two computations of a σ differ by more than [`AGREEMENT`].
     pub fn evaluate(&self, schedule: &Schedule) -> Result<Evaluation> {
         let timeline = Timeline::new(&self.platform, schedule)?;
-        let end = self.model.end_covariance(&timeline, TickRule::Filter)?;
         let total_time_s = timeline.total_time_s();
-        let mut recorder = HistoryRecorder::new(&timeline, self.objective.spec_deg_per_h);
-        let checked = step_by_step(&self.platform, &timeline, &mut |m| recorder.observe(m))?;
-        let noise_arcsec = self.model.noise_variance.sqrt();
-        let agreement = compare(&end, &checked, noise_arcsec)?;
+        let Checked {
+            end,
+            convergence,
+            agreement,
+        } = self.checked(&timeline)?;
         let observability = Observability::analyze(&self.model, &timeline)?;
         Ok(Evaluation {
             total_time_s,
@@ -212,6 +223,28 @@ impl Evaluator {
             end,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
+            convergence,
+            agreement,
+        })
+    }
+
+    /// The end of `timeline` by kernels and filter. Where doubles cannot hold what both say, once
+    /// more in numbers of 32 digits.
+    fn checked(&self, timeline: &Timeline) -> Result<Checked> {
+        let end = self.model.end_covariance(timeline, TickRule::Filter)?;
+        self.check(end, timeline, step_by_step).or_else(|_| {
+            let end = self.model.end_covariance_extended(timeline)?;
+            self.check(end, timeline, step_by_step_extended)
+        })
+    }
+
+    /// Compares `end` with what `filter` comes to.
+    fn check(&self, end: EndCovariance, timeline: &Timeline, filter: Filter) -> Result<Checked> {
+        let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
+        let checked = filter(&self.platform, timeline, &mut |m| recorder.observe(m))?;
+        let agreement = compare(&end, &checked, self.model.noise_variance.sqrt())?;
+        Ok(Checked {
+            end,
             convergence: recorder.finish(),
             agreement,
         })
@@ -351,7 +384,7 @@ fn compare(kernels: &EndCovariance, filter: &EndCovariance, noise_arcsec: f64) -
         worst = worst.max(difference);
     }
     // A misalignment known exactly is one far below the noise to the filter.
-    let least = noise_arcsec * KNOWN / AGREEMENT;
+    let least = noise_arcsec * f64::KNOWN / AGREEMENT;
     let psi = |end: &EndCovariance| end.misalignment_sigma_arcsec();
     for (a, b) in psi(kernels).iter().zip(psi(filter).iter()) {
         let difference = (a - b).abs() / b.max(2.0 * least);

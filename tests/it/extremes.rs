@@ -30,7 +30,7 @@ fn prior(random: &mut Random, most: f64) -> AxisValue {
     }
 }
 
-fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
+pub fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
     let mut c = PlatformConfig::default();
     c.site.latitude_deg = match random.unit() {
         u if u < 0.1 => 90.0,
@@ -66,7 +66,7 @@ fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
 }
 
 /// 1 to 500 positions, dwells of 0 to 1e6 s, at most `periods` filter periods in all.
-fn extreme_schedule(random: &mut Random, period_s: f64, periods: f64) -> Schedule {
+pub fn extreme_schedule(random: &mut Random, period_s: f64, periods: f64) -> Schedule {
     let count = power(random, 0.0, 500.0_f64.log10()).round().min(500.0);
     let longest_s = (period_s * periods / count).min(1e6);
     let axis_aligned = random.unit() < 0.3;
