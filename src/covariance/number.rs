@@ -160,10 +160,13 @@ pub(crate) fn transposed<T: Number, const A: usize, const B: usize>(
 pub(crate) fn inverse_of_triangle<T: Number, const N: usize>(r: &Array<T, N, N>) -> Array<T, N, N> {
     let mut inverse = identity();
     for i in (0..N).rev() {
-        for j in 0..N {
-            let known = (i + 1..N).fold(inverse[i][j], |left, k| left - r[i][k] * inverse[k][j]);
-            inverse[i][j] = known / r[i][i];
+        let mut row: [T; N] = inverse[i];
+        for (below, factor) in inverse[i + 1..].iter().zip(&r[i][i + 1..]) {
+            for (value, below) in row.iter_mut().zip(below) {
+                *value -= *factor * *below;
+            }
         }
+        inverse[i] = row.map(|value| value / r[i][i]);
     }
     inverse
 }
