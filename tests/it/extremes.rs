@@ -150,6 +150,13 @@ fn with_the_weakest_priors_they_agree_too() {
     assert_eq!((found.refused, found.too_long), (0, 2));
 }
 
+/// 500 positions without random drift: what is left over of the misalignment's covariance is
+/// eliminated 500 times over and underflows.
+#[test]
+fn leftovers_of_many_dwells_do_no_harm() {
+    assert_eq!(evaluate(1, 11_319, 2000.0, 6.0).refused, 0);
+}
+
 /// `cargo test --release --test it in_many_and_longer -- --ignored --nocapture`
 #[test]
 #[ignore = "the long form of the tests above"]
