@@ -9,6 +9,7 @@
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
 //! - [`gradient`]: its reverse mode;
 //! - `two_stage`: value and gradient in straight-line code, for one schedule or several at once;
+//! - `extended`: kernels and chain in numbers of 32 digits, where doubles are lost;
 //! - [`mod@reference`]: an independent step-by-step square-root filter on faer, for the convergence
 //!   history and to check every winner.
 //!
@@ -17,10 +18,12 @@
 pub(crate) mod batch;
 pub mod chain;
 mod dwell_sequence;
+mod extended;
 pub mod gradient;
 pub mod history;
 pub(crate) mod incremental;
 pub mod kernel;
+pub(crate) mod number;
 pub mod reference;
 mod rows;
 mod small;

@@ -264,7 +264,9 @@ fn verdict(
     if cut_short {
         return (
             Status::TimeLimit,
-            "the time limit was reached; the schedule is the best found so far".to_owned(),
+            "the time limit was reached; the schedule is the best found so far, confirmed by the \
+             step-by-step filter after the limit"
+                .to_owned(),
         );
     }
     let score = &evaluation.score;

@@ -136,7 +136,8 @@ pub(super) struct Common {
         allow_negative_numbers = true
     )]
     pub threads: Option<usize>,
-    /// Stop a search after this time; the best schedule so far is the result
+    /// Stop a search after this time; the best schedule so far is the result. Confirming it by
+    /// the step-by-step filter comes on top: about 10 µs a filter period
     #[arg(
         long,
         value_name = "S",

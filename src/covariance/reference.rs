@@ -25,15 +25,21 @@
 //! and it knows nothing of dwells, of gains, or of covariance.
 //! Agreement of the two to 1e-6 is therefore evidence for both.
 
-use faer::linalg::householder;
-use faer::linalg::qr::{col_pivoting, no_pivoting};
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Conj, Mat, Par, dyn_stack};
-use nalgebra::{Matrix3, Vector3};
+mod elimination;
+mod transition;
 
+use nalgebra::Matrix3;
+
+use elimination::{DriftInformation, Elimination};
+use transition::{drift_columns, runge_kutta_integral, taylor_transition};
+
+use super::number::{
+    Array, Extended, Number, convert, identity, inverse_of_triangle, product, sum, transposed,
+    zeros,
+};
 use super::{EndCovariance, split_periods};
 use crate::attitude::{EAST, NORTH, Position, UP};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftMatrix, drift_c};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
 use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
@@ -47,12 +53,8 @@ const NOISES: usize = 3;
 const MEASUREMENTS: usize = 2;
 /// Order of elimination of ψ^n: what is measured first.
 const ORDER: [usize; 3] = [NORTH, EAST, UP];
-/// σ of a misalignment component known exactly, in units of the measurement noise: its share of
-/// any variance is below 1e-12 even after a million measurements.
-pub(crate) const KNOWN: f64 = 1e-9;
-
 /// A row of unit noise on (ψ^n, D/s), ψ^n in [`ORDER`].
-type Row = [f64; STATES];
+type Row<T> = [T; STATES];
 
 /// What the filter knows at one moment of the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,14 +78,37 @@ pub fn step_by_step(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    let mut filter = SquareRootFilter::new(platform);
+    run::<f64>(platform, timeline, observe)
+}
+
+/// The same in numbers of 32 digits, some thirty times slower: for weak priors beside strong
+/// measurements. Of moves that take time the drift integral is known to nine digits all the same.
+///
+/// # Errors
+///
+/// As [`step_by_step`].
+pub fn step_by_step_extended(
+    platform: &Platform,
+    timeline: &Timeline,
+    observe: &mut dyn FnMut(&Moment),
+) -> Result<EndCovariance> {
+    run::<Extended>(platform, timeline, observe)
+}
+
+fn run<T: Number>(
+    platform: &Platform,
+    timeline: &Timeline,
+    observe: &mut dyn FnMut(&Moment),
+) -> Result<EndCovariance> {
+    let mut filter = SquareRootFilter::<T>::new(platform);
     filter.report(observe);
     for (index, leg) in timeline.legs().iter().enumerate() {
         filter.leg = index;
         if let Some(arrival) = &leg.arrival {
             if platform.motion.repositioning == Repositioning::FrameHold {
-                let previous = &timeline.legs()[index - 1].attitude;
-                filter.rotate(&(leg.attitude.matrix() * previous.matrix().transpose()));
+                let previous = T::attitude(timeline.legs()[index - 1].position);
+                let turn = product(&T::attitude(leg.position), &transposed(&previous));
+                filter.rotate(&turn);
             } else {
                 filter.reposition(arrival, observe);
             }
@@ -102,7 +127,7 @@ enum Drift<'a> {
     Moving(&'a Move),
 }
 
-struct SquareRootFilter<'a> {
+struct SquareRootFilter<'a, T: Number> {
     platform: &'a Platform,
     /// q, arcsec²/s.
     drift_psd: f64,
@@ -111,24 +136,27 @@ struct SquareRootFilter<'a> {
     /// s, °/h.
     prior_sigma: CoefficientVector,
     /// What is known of ψ^n and D.
-    misalignment: [Row; 3],
+    misalignment: [Row<T>; 3],
     /// What is known of D alone.
-    drift: DriftInformation,
-    noise_elimination: Elimination,
-    misalignment_elimination: Elimination,
+    drift: DriftInformation<T>,
+    noise_elimination: Elimination<T>,
+    misalignment_elimination: Elimination<T>,
     time_s: f64,
     leg: usize,
     /// The last transition made, for the many equal periods of a dwell.
-    cached: Option<(Position, f64, Matrix3<f64>, DriftMatrix)>,
+    cached: Option<(Position, f64, Transition<T>)>,
 }
 
-impl<'a> SquareRootFilter<'a> {
+/// Φ and B of an interval.
+type Transition<T> = (Array<T, 3, 3>, Array<T, 3, COEFFICIENTS>);
+
+impl<'a, T: Number> SquareRootFilter<'a, T> {
     fn new(platform: &'a Platform) -> Self {
         let noise = Angle::from_rad(platform.noise_g).arcsec();
-        let mut misalignment = [[0.0; STATES]; 3];
+        let mut misalignment = [[T::from(0.0); STATES]; 3];
         for (i, axis) in ORDER.into_iter().enumerate() {
             let sigma = Angle::from_rad(platform.prior_misalignment_rad[axis]).arcsec();
-            misalignment[i][i] = sigma.max(KNOWN * noise).recip();
+            misalignment[i][i] = T::from(1.0) / T::from(sigma.max(T::KNOWN * noise));
         }
         Self {
             platform,
@@ -138,7 +166,7 @@ impl<'a> SquareRootFilter<'a> {
                 .prior_drift_rad_per_s
                 .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
             misalignment,
-            drift: DriftInformation::new(),
+            drift: DriftInformation::new(MEASUREMENTS),
             noise_elimination: Elimination::new(NOISES + 3, NOISES + STATES, NOISES),
             misalignment_elimination: Elimination::new(3 + MEASUREMENTS, STATES, 3),
             time_s: 0.0,
@@ -169,51 +197,50 @@ impl<'a> SquareRootFilter<'a> {
             false => (0, duration_s),
         };
         for tick in 0..ticks {
-            let (phi, b) = self.transition(drift, start_s + tick as f64 * period, period);
-            self.update(&phi, &b, period, true);
+            let transition = self.transition(drift, start_s + tick as f64 * period, period);
+            self.update(&transition, period, true);
             self.time_s += period;
             self.report(observe);
         }
         if remainder > 0.0 {
             let done = start_s + ticks as f64 * period;
-            let (phi, b) = self.transition(drift, done, remainder);
-            self.update(&phi, &b, remainder, false);
+            let transition = self.transition(drift, done, remainder);
+            self.update(&transition, remainder, false);
             self.time_s += remainder;
             self.report(observe);
         }
     }
 
-    /// Φ and B of an interval, by Taylor series at a position and Runge–Kutta in a move.
-    fn transition(
-        &mut self,
-        drift: Drift<'_>,
-        start_s: f64,
-        length_s: f64,
-    ) -> (Matrix3<f64>, DriftMatrix) {
+    /// Φ and B of an interval.
+    fn transition(&mut self, drift: Drift<'_>, start_s: f64, length_s: f64) -> Transition<T> {
         let earth = self.platform.earth_rate_n;
         match drift {
             Drift::Constant(position) => {
-                if let Some((p, length, phi, b)) = self.cached
+                if let Some((p, length, transition)) = self.cached
                     && p == position
                     && length == length_s
                 {
-                    return (phi, b);
+                    return transition;
                 }
                 let (phi, gamma) = taylor_transition(&earth, length_s);
-                let b = gamma * drift_columns(position);
-                self.cached = Some((position, length_s, phi, b));
-                (phi, b)
+                let transition = (phi, product(&gamma, &drift_columns(position)));
+                self.cached = Some((position, length_s, transition));
+                transition
             }
-            Drift::Moving(m) => runge_kutta_transition(&earth, m, start_s, length_s),
+            Drift::Moving(m) => {
+                let b = runge_kutta_integral(&earth, m, start_s, length_s);
+                let (phi, _) = taylor_transition(&earth, length_s);
+                (phi, convert(|i, j| b[i][j]))
+            }
         }
     }
 
     /// One step: time update by (Φ, B) over `length_s`, and the measurement if wanted.
-    fn update(&mut self, phi: &Matrix3<f64>, b: &DriftMatrix, length_s: f64, measure: bool) {
+    fn update(&mut self, (phi, b): &Transition<T>, length_s: f64, measure: bool) {
         self.propagate(phi, b);
         let process = (self.drift_psd * length_s).sqrt();
         if process > 0.0 {
-            self.diffuse(process);
+            self.diffuse(T::from(process));
         }
         if measure {
             self.measure();
@@ -221,22 +248,28 @@ impl<'a> SquareRootFilter<'a> {
     }
 
     /// ψ^n ← Φ ψ^n + B D.
-    fn propagate(&mut self, phi: &Matrix3<f64>, b: &DriftMatrix) {
+    fn propagate(&mut self, phi: &Array<T, 3, 3>, b: &Array<T, 3, COEFFICIENTS>) {
         // F is skew, so Φ is a rotation.
         self.rotate(phi);
-        for row in &mut self.misalignment {
-            for j in 0..COEFFICIENTS {
-                let drift: f64 = (0..3).map(|i| row[i] * b[(ORDER[i], j)]).sum();
-                row[3 + j] -= drift * self.prior_sigma[j];
+        let in_order = ORDER.map(|axis| b[axis]);
+        let mut own = zeros::<T, 3, 3>();
+        for (own, row) in own.iter_mut().zip(&self.misalignment) {
+            own.copy_from_slice(&row[..3]);
+        }
+        let drift = product(&own, &in_order);
+        for (row, drift) in self.misalignment.iter_mut().zip(&drift) {
+            let scaled = drift.iter().zip(self.prior_sigma.iter());
+            for (value, (drift, sigma)) in row[3..].iter_mut().zip(scaled) {
+                *value -= *drift * T::from(*sigma);
             }
         }
     }
 
     /// ψ^n ← ψ^n + `process` v.
-    fn diffuse(&mut self, process: f64) {
-        let mut rows = [[0.0; NOISES + STATES]; NOISES + 3];
+    fn diffuse(&mut self, process: T) {
+        let mut rows = [[T::from(0.0); NOISES + STATES]; NOISES + 3];
         for (i, row) in self.misalignment.iter().enumerate() {
-            rows[i][i] = 1.0;
+            rows[i][i] = T::from(1.0);
             let driven = &mut rows[NOISES + i];
             for k in 0..NOISES {
                 driven[k] = -process * row[k];
@@ -251,49 +284,54 @@ impl<'a> SquareRootFilter<'a> {
 
     /// Takes a measurement of ψ_x and ψ_z.
     fn measure(&mut self) {
-        let mut rows = [[0.0; STATES]; 3 + MEASUREMENTS];
+        let mut rows = [[T::from(0.0); STATES]; 3 + MEASUREMENTS];
         rows[..3].copy_from_slice(&self.misalignment);
         // They come first in the order.
         for i in 0..MEASUREMENTS {
-            rows[3 + i][i] = self.noise.recip();
+            rows[3 + i][i] = T::from(1.0) / T::from(self.noise);
         }
         self.misalignment_elimination.run(&mut rows);
         self.misalignment.copy_from_slice(&rows[..3]);
-        self.drift.add(&rows[3..]);
+        let [.., first, second] = &rows;
+        self.drift
+            .add::<{ COEFFICIENTS + MEASUREMENTS }>(&[&first[3..], &second[3..]]);
     }
 
     /// ψ^n ← Q ψ^n.
-    fn rotate(&mut self, q: &Matrix3<f64>) {
+    fn rotate(&mut self, q: &Array<T, 3, 3>) {
         for row in &mut self.misalignment {
-            let turned: [f64; 3] = ORDER.map(|to| (0..3).map(|i| row[i] * q[(to, ORDER[i])]).sum());
+            let turned: [T; 3] = ORDER.map(|to| {
+                let parts = ORDER.iter().zip(&*row).map(|(&from, v)| *v * q[to][from]);
+                parts.fold(T::from(0.0), |sum, part| sum + part)
+            });
             row[..3].copy_from_slice(&turned);
         }
     }
 
     /// L with P_D = L Lᵀ, °/h.
     fn drift_root(&self) -> CoefficientMatrix {
-        let mut root = self.drift.covariance_root();
-        for (mut row, sigma) in root.row_iter_mut().zip(self.prior_sigma.iter()) {
-            row *= *sigma;
-        }
-        root
+        let root = self.drift.covariance_root();
+        CoefficientMatrix::from_fn(|i, j| root[i][j].f64() * self.prior_sigma[i])
     }
 
     /// Covariance of ψ^n, from that of D/s by its root.
     fn misalignment_covariance(&self) -> Matrix3<f64> {
-        let rows = &self.misalignment;
-        let mut inverse = Matrix3::identity();
-        let own = Matrix3::from_fn(|i, j| rows[i][j]);
-        if !own.col_piv_qr().solve_mut(&mut inverse) {
-            inverse.fill(f64::NAN);
+        let mut rows = self.misalignment;
+        Elimination::new(3, STATES, 3).run(&mut rows);
+        let own = inverse_of_triangle(&rows.map(|[x, z, y, ..]| [x, z, y]));
+        let mut by_drift = zeros::<T, 3, COEFFICIENTS>();
+        for (by_drift, row) in by_drift.iter_mut().zip(&rows) {
+            by_drift.copy_from_slice(&row[3..]);
         }
-        let from_drift = DriftMatrix::from_fn(|i, j| rows[i][3 + j]) * self.drift.covariance_root();
-        let (own, drift) = (inverse, inverse * from_drift);
-        let ordered = own * own.transpose() + drift * drift.transpose();
+        let drift = product(&product(&own, &by_drift), &self.drift.covariance_root());
+        let ordered = sum(
+            product(&own, &transposed(&own)),
+            &product(&drift, &transposed(&drift)),
+        );
         let mut covariance = Matrix3::zeros();
         for i in 0..3 {
             for j in 0..3 {
-                covariance[(ORDER[i], ORDER[j])] = ordered[(i, j)];
+                covariance[(ORDER[i], ORDER[j])] = ordered[i][j].f64();
             }
         }
         covariance
@@ -325,233 +363,4 @@ impl<'a> SquareRootFilter<'a> {
             ))
         }
     }
-}
-
-/// Block size of the Householder factors: these matrices are small.
-const BLOCK: usize = 1;
-
-/// Eliminates the first columns of a few rows, with the memory for it.
-struct Elimination {
-    matrix: Mat<f64>,
-    factors: Mat<f64>,
-    scratch: dyn_stack::MemBuffer,
-}
-
-impl Elimination {
-    /// Of `width` columns of `rows` rows of `columns` entries.
-    fn new(rows: usize, columns: usize, width: usize) -> Self {
-        let factor = no_pivoting::factor::qr_in_place_scratch::<f64>(
-            rows,
-            width,
-            BLOCK,
-            Par::Seq,
-            Default::default(),
-        );
-        let apply =
-            householder::apply_block_householder_sequence_transpose_on_the_left_in_place_scratch::<
-                f64,
-            >(rows, BLOCK, columns - width);
-        Self {
-            matrix: Mat::zeros(rows, columns),
-            factors: Mat::zeros(BLOCK, width),
-            scratch: dyn_stack::MemBuffer::new(factor.or(apply)),
-        }
-    }
-
-    /// Turns `rows` so that all but the first hold nothing of the columns to eliminate.
-    fn run<const N: usize>(&mut self, rows: &mut [[f64; N]]) {
-        let width = self.factors.ncols();
-        put_sorted(&mut self.matrix, rows, width);
-        let (mut eliminated, mut rest) = self.matrix.as_mut().split_at_col_mut(width);
-        let _rank = no_pivoting::factor::qr_in_place(
-            eliminated.rb_mut(),
-            self.factors.as_mut(),
-            Par::Seq,
-            dyn_stack::MemStack::new(&mut self.scratch),
-            Default::default(),
-        );
-        householder::apply_block_householder_sequence_transpose_on_the_left_in_place_with_conj(
-            eliminated.rb(),
-            self.factors.as_ref(),
-            Conj::No,
-            rest.rb_mut(),
-            Par::Seq,
-            dyn_stack::MemStack::new(&mut self.scratch),
-        );
-        for (i, row) in rows.iter_mut().enumerate() {
-            for (j, value) in row.iter_mut().enumerate() {
-                // Below the diagonal are the Householder vectors.
-                *value = match j < width && i > j {
-                    true => 0.0,
-                    false => self.matrix[(i, j)],
-                };
-            }
-        }
-    }
-}
-
-/// Twelve rows of unit noise on D/s, the prior among them.
-struct DriftInformation {
-    /// Upper triangular in the order of the pivots.
-    triangle: CoefficientMatrix,
-    /// Which coefficient each column is.
-    order: [usize; COEFFICIENTS],
-    matrix: Mat<f64>,
-    factors: Mat<f64>,
-    scratch: dyn_stack::MemBuffer,
-}
-
-impl DriftInformation {
-    /// The prior.
-    fn new() -> Self {
-        const ROWS: usize = COEFFICIENTS + MEASUREMENTS;
-        Self {
-            triangle: CoefficientMatrix::identity(),
-            order: std::array::from_fn(|i| i),
-            matrix: Mat::zeros(ROWS, COEFFICIENTS),
-            factors: Mat::zeros(BLOCK, COEFFICIENTS),
-            scratch: dyn_stack::MemBuffer::new(col_pivoting::factor::qr_in_place_scratch::<
-                usize,
-                f64,
-            >(
-                ROWS,
-                COEFFICIENTS,
-                BLOCK,
-                Par::Seq,
-                Default::default(),
-            )),
-        }
-    }
-
-    /// Adds the drift's part of two rows.
-    fn add(&mut self, new: &[Row]) {
-        let mut rows = [[0.0; COEFFICIENTS]; COEFFICIENTS + MEASUREMENTS];
-        for (i, row) in rows.iter_mut().take(COEFFICIENTS).enumerate() {
-            for (pivot, &column) in self.order.iter().enumerate().skip(i) {
-                row[column] = self.triangle[(i, pivot)];
-            }
-        }
-        for (row, new) in rows.iter_mut().skip(COEFFICIENTS).zip(new) {
-            row.copy_from_slice(&new[3..]);
-        }
-        put_sorted(&mut self.matrix, &mut rows, COEFFICIENTS);
-        let mut inverse = [0; COEFFICIENTS];
-        let _transpositions = col_pivoting::factor::qr_in_place(
-            self.matrix.as_mut(),
-            self.factors.as_mut(),
-            &mut self.order,
-            &mut inverse,
-            Par::Seq,
-            dyn_stack::MemStack::new(&mut self.scratch),
-            Default::default(),
-        );
-        for pivot in 0..COEFFICIENTS {
-            for i in 0..=pivot {
-                self.triangle[(i, pivot)] = self.matrix[(i, pivot)];
-            }
-        }
-    }
-
-    /// L with L Lᵀ the covariance of D/s.
-    fn covariance_root(&self) -> CoefficientMatrix {
-        let mut inverse = CoefficientMatrix::identity();
-        if !self.triangle.solve_upper_triangular_mut(&mut inverse) {
-            inverse.fill(f64::NAN);
-        }
-        let mut root = CoefficientMatrix::zeros();
-        for (pivot, &coefficient) in self.order.iter().enumerate() {
-            root.set_row(coefficient, &inverse.row(pivot));
-        }
-        root
-    }
-}
-
-/// Copies `rows` into `matrix`, the largest in their first `width` entries first.
-fn put_sorted<const N: usize>(matrix: &mut Mat<f64>, rows: &mut [[f64; N]], width: usize) {
-    let size = |row: &[f64; N]| row[..width].iter().fold(0.0_f64, |max, v| max.max(v.abs()));
-    rows.sort_by(|a, b| size(b).total_cmp(&size(a)));
-    for (i, row) in rows.iter().enumerate() {
-        for (j, value) in row.iter().enumerate() {
-            matrix[(i, j)] = *value;
-        }
-    }
-}
-
-/// A by its columns: what each coefficient alone does to ε^n, from the platform-frame equations.
-fn drift_columns(position: Position) -> DriftMatrix {
-    let attitude = position.attitude();
-    let gravity = attitude.gravity_c();
-    let mut a = DriftMatrix::zeros();
-    for i in 0..COEFFICIENTS {
-        let mut unit = CoefficientVector::zeros();
-        unit[i] = 1.0;
-        a.set_column(i, &(attitude.matrix() * drift_c(&unit, &gravity)));
-    }
-    a
-}
-
-/// F = −[ω ×].
-fn system_matrix(earth_rate: &Vector3<f64>) -> Matrix3<f64> {
-    -earth_rate.cross_matrix()
-}
-
-/// Φ and Γ by their Taylor series, in chunks short enough for it to converge fast.
-fn taylor_transition(earth_rate: &Vector3<f64>, length_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
-    const LONGEST_S: f64 = 1000.0;
-    let chunks = (length_s / LONGEST_S).ceil().max(1.0);
-    let t = length_s / chunks;
-    let f = system_matrix(earth_rate);
-    let (mut phi, mut gamma) = (Matrix3::zeros(), Matrix3::zeros());
-    let mut term = Matrix3::identity();
-    for k in 1..25 {
-        phi += term;
-        gamma += term * (t / f64::from(k));
-        term = f * term * (t / f64::from(k));
-    }
-    let (mut whole_phi, mut whole_gamma) = (Matrix3::identity(), Matrix3::zeros());
-    for _ in 0..chunks as usize {
-        whole_gamma = phi * whole_gamma + gamma;
-        whole_phi = phi * whole_phi;
-    }
-    (whole_phi, whole_gamma)
-}
-
-/// Φ and B of an interval of a move by the classical Runge–Kutta method on
-/// d[Φ B]/dt = F [Φ B] + [0 A(t)].
-fn runge_kutta_transition(
-    earth_rate: &Vector3<f64>,
-    m: &Move,
-    start_s: f64,
-    length_s: f64,
-) -> (Matrix3<f64>, DriftMatrix) {
-    /// Turn per step, rad (0.25°), and longest step, s: local error below 1e-9.
-    const STEP_RAD: f64 = 0.0044;
-    const STEP_S: f64 = 50.0;
-    let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s;
-    let steps = (turn / STEP_RAD).max(length_s / STEP_S).ceil().max(1.0);
-    let h = length_s / steps;
-    let f = system_matrix(earth_rate);
-    let a_at = |t: f64| {
-        drift_columns(Position::from_array(
-            m.angles_at((start_s + t) / m.duration_s),
-        ))
-    };
-    let (mut phi, mut b) = (Matrix3::identity(), DriftMatrix::zeros());
-    let mut a0 = a_at(0.0);
-    for step in 0..steps as usize {
-        let t = step as f64 * h;
-        let (a_mid, a1) = (a_at(t + 0.5 * h), a_at(t + h));
-        let k1 = f * b + a0;
-        let k2 = f * (b + k1 * (0.5 * h)) + a_mid;
-        let k3 = f * (b + k2 * (0.5 * h)) + a_mid;
-        let k4 = f * (b + k3 * h) + a1;
-        b += (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (h / 6.0);
-        a0 = a1;
-        let p1 = f * phi;
-        let p2 = f * (phi + p1 * (0.5 * h));
-        let p3 = f * (phi + p2 * (0.5 * h));
-        let p4 = f * (phi + p3 * h);
-        phi += (p1 + p2 * 2.0 + p3 * 2.0 + p4) * (h / 6.0);
-    }
-    (phi, b)
 }

@@ -34,6 +34,13 @@ impl Rows {
         }
     }
 
+    /// The largest entry in all: how many times better than the prior, σ against σ, some
+    /// combination of coefficients is told.
+    pub fn largest(&mut self) -> f64 {
+        self.compress();
+        self.stack.amax()
+    }
+
     /// L with P_D = L Lᵀ = S (RᵀR + I)⁻¹ S, S the prior σ.
     ///
     /// # Errors

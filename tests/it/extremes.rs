@@ -30,7 +30,7 @@ fn prior(random: &mut Random, most: f64) -> AxisValue {
     }
 }
 
-fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
+pub fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
     let mut c = PlatformConfig::default();
     c.site.latitude_deg = match random.unit() {
         u if u < 0.1 => 90.0,
@@ -66,7 +66,7 @@ fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
 }
 
 /// 1 to 500 positions, dwells of 0 to 1e6 s, at most `periods` filter periods in all.
-fn extreme_schedule(random: &mut Random, period_s: f64, periods: f64) -> Schedule {
+pub fn extreme_schedule(random: &mut Random, period_s: f64, periods: f64) -> Schedule {
     let count = power(random, 0.0, 500.0_f64.log10()).round().min(500.0);
     let longest_s = (period_s * periods / count).min(1e6);
     let axis_aligned = random.unit() < 0.3;
@@ -86,12 +86,23 @@ fn extreme_schedule(random: &mut Random, period_s: f64, periods: f64) -> Schedul
     Schedule::new(positions.collect()).unwrap()
 }
 
-/// Evaluates `cases` of them with priors up to 1e`most`; gives how many were refused.
-fn evaluate(cases: u64, first: u64, periods: f64, most: f64) -> u64 {
-    let mut refused = 0;
+/// What became of some cases.
+struct Outcome {
+    /// Both computations withheld.
+    refused: u64,
+    /// Slow slews take more periods of a hundredth of a second than are allowed.
+    too_long: u64,
+}
+
+/// Evaluates `cases` of them with priors up to 1e`most`.
+fn evaluate(cases: u64, first: u64, periods: f64, most: f64) -> Outcome {
+    let mut outcome = Outcome {
+        refused: 0,
+        too_long: 0,
+    };
     let mut worst = 0.0_f64;
     for case in first..first + cases {
-        let random = &mut Random(case.wrapping_mul(0x2545_f491_4f6c_dd1d));
+        let random = &mut Random::of_case(case);
         let config = extreme_platform(random, most);
         let schedule = extreme_schedule(random, config.filter.period_s, periods);
         let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
@@ -107,33 +118,43 @@ fn evaluate(cases: u64, first: u64, periods: f64, most: f64) -> u64 {
                     assert_eq!(*s == 0.0, *p == 0.0, "case {case}");
                 }
             }
+            Err(error) if error.key() == Some("filter.period_s") => outcome.too_long += 1,
             Err(error) => {
                 let text = error.to_string();
-                // Slow slews may take more periods of a hundredth of a second than are allowed.
-                let too_long = error.key() == Some("filter.period_s");
                 assert!(
-                    error.is_numerical() || error.is_disagreement() || too_long,
+                    error.is_numerical() || error.is_disagreement(),
                     "case {case}: {text}"
                 );
                 println!("case {case}: {text}\n{config:?}");
                 println!("{} positions", schedule.positions().len());
-                refused += 1;
+                outcome.refused += 1;
             }
         }
     }
-    println!("priors to 1e{most}: {cases} cases, {refused} refused, agreement {worst:.1e}");
-    refused
+    println!(
+        "priors to 1e{most}: {cases} cases, {} refused, {} too long, agreement {worst:.1e}",
+        outcome.refused, outcome.too_long
+    );
+    outcome
 }
 
 #[test]
 fn both_computations_agree_over_the_ranges() {
-    assert_eq!(evaluate(250, 1, 400.0, 6.0), 0);
+    let found = evaluate(250, 1, 400.0, 6.0);
+    assert_eq!((found.refused, found.too_long), (0, 0));
 }
 
 #[test]
-fn with_the_weakest_priors_they_agree_or_refuse() {
-    let refused = evaluate(250, 1000, 400.0, 12.0);
-    assert!(refused <= 25, "{refused} of 250 refused");
+fn with_the_weakest_priors_they_agree_too() {
+    let found = evaluate(250, 1000, 400.0, 12.0);
+    assert_eq!((found.refused, found.too_long), (0, 2));
+}
+
+/// 500 positions without random drift: what is left over of the misalignment's covariance is
+/// eliminated 500 times over and underflows.
+#[test]
+fn leftovers_of_many_dwells_do_no_harm() {
+    assert_eq!(evaluate(1, 11_319, 2000.0, 6.0).refused, 0);
 }
 
 /// `cargo test --release --test it in_many_and_longer -- --ignored --nocapture`
@@ -142,8 +163,6 @@ fn with_the_weakest_priors_they_agree_or_refuse() {
 fn both_computations_agree_in_many_and_longer_tests_or_refuse() {
     let usual = evaluate(3000, 10_000, 2000.0, 6.0);
     let weakest = evaluate(3000, 20_000, 2000.0, 12.0);
-    assert!(
-        usual <= 3 && weakest <= 300,
-        "{usual} and {weakest} of 3000 refused"
-    );
+    assert_eq!(usual.refused, 0);
+    assert!(weakest.refused <= 3, "{} of 3000 refused", weakest.refused);
 }

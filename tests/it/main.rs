@@ -11,10 +11,12 @@ mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
 mod commands;
+mod dense_filter;
 mod dwell_sequence;
 mod extremes;
 mod fuzz;
 mod gradient;
+mod lanes;
 mod limits;
 mod observability;
 mod physics;

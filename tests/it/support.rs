@@ -64,6 +64,11 @@ fn read_case(path: &Path) -> ReferenceCase {
 pub struct Random(pub u64);
 
 impl Random {
+    /// Of the case of a number.
+    pub fn of_case(case: u64) -> Self {
+        Self(case.wrapping_mul(0x2545_f491_4f6c_dd1d))
+    }
+
     pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

@@ -1,0 +1,209 @@
+//! Numbers of 16 and of 32 digits, and small matrices of them.
+//!
+//! Where measurements tell some combination of coefficients 1e16 times better than the prior
+//! tells another, the rounding of the sixteenth digit of the former is as much information as
+//! there is on the latter. [`Extended`], a sum of two doubles, leaves 1e32. See the numbers in
+//! docs/reliability.md.
+
+use faer::traits::RealField;
+
+use crate::attitude::Position;
+
+/// A number of 32 digits.
+pub(crate) type Extended = faer::fx128;
+
+/// `A` rows of `B` numbers.
+pub(crate) type Array<T, const A: usize, const B: usize> = [[T; B]; A];
+
+/// A number that a filter can be run with.
+pub(crate) trait Number: RealField + Copy + From<f64> {
+    /// σ of a misalignment component known exactly, in units of the measurement noise: its share
+    /// of any variance is below rounding even after a million measurements.
+    const KNOWN: f64;
+
+    /// The nearest double.
+    fn f64(self) -> f64;
+
+    /// C_c^n = Mx(α) My(β) Mz(γ) (19).
+    fn attitude(position: Position) -> Array<Self, 3, 3>;
+}
+
+impl Number for f64 {
+    const KNOWN: f64 = 1e-9;
+
+    fn f64(self) -> f64 {
+        self
+    }
+
+    fn attitude(position: Position) -> Array<Self, 3, 3> {
+        let c = position.attitude();
+        std::array::from_fn(|i| std::array::from_fn(|j| c.matrix()[(i, j)]))
+    }
+}
+
+impl Number for Extended {
+    const KNOWN: f64 = 1e-12;
+
+    fn f64(self) -> f64 {
+        self.0
+    }
+
+    fn attitude(position: Position) -> Array<Self, 3, 3> {
+        let turn = |angle: f64, axis: usize| {
+            let (s, c) = right_angles_exact(sin_cos(Self::from(angle)));
+            let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+            let mut m = identity::<Self, 3>();
+            m[j][j] = c;
+            m[k][k] = c;
+            m[j][k] = s;
+            m[k][j] = -s;
+            m
+        };
+        let [alpha, beta, gamma] = position.to_array();
+        product(&product(&turn(alpha, 0), &turn(beta, 1)), &turn(gamma, 2))
+    }
+}
+
+/// sin and cos by their series.
+pub(crate) fn sin_cos(angle: Extended) -> (Extended, Extended) {
+    /// π⁴⁸/48! is below 1e-37.
+    const TERMS: u32 = 48;
+    let turn = Extended::PI + Extended::PI;
+    let x = angle - turn * Extended::from((angle.0 / turn.0).round());
+    let (mut sin, mut cos) = (Extended::ZERO, Extended::ZERO);
+    let mut term = Extended::ONE;
+    for k in 0..TERMS {
+        match k % 4 {
+            0 => cos += term,
+            1 => sin += term,
+            2 => cos -= term,
+            _ => sin -= term,
+        }
+        term *= x / Extended::from(f64::from(k + 1));
+    }
+    (sin, cos)
+}
+
+/// A multiple of 90° is one, although its radians have sixteen digits only: a sine of 6e-17
+/// would make coefficients known through an axis that gravity does not lie along.
+fn right_angles_exact((sin, cos): (Extended, Extended)) -> (Extended, Extended) {
+    const ROUNDING: f64 = 1e-15;
+    if sin.0.abs() < ROUNDING {
+        return (Extended::ZERO, Extended::from(cos.0.round()));
+    }
+    if cos.0.abs() < ROUNDING {
+        return (Extended::from(sin.0.round()), Extended::ZERO);
+    }
+    (sin, cos)
+}
+
+/// All zero.
+pub(crate) fn zeros<T: Number, const A: usize, const B: usize>() -> Array<T, A, B> {
+    [[T::from(0.0); B]; A]
+}
+
+/// I.
+pub(crate) fn identity<T: Number, const N: usize>() -> Array<T, N, N> {
+    let mut m = zeros();
+    for (i, row) in m.iter_mut().enumerate() {
+        row[i] = T::from(1.0);
+    }
+    m
+}
+
+/// a b.
+pub(crate) fn product<T: Number, const A: usize, const B: usize, const C: usize>(
+    a: &Array<T, A, B>,
+    b: &Array<T, B, C>,
+) -> Array<T, A, C> {
+    let mut c = zeros();
+    for (row, out) in a.iter().zip(&mut c) {
+        for (factor, from) in row.iter().zip(b) {
+            for (value, other) in out.iter_mut().zip(from) {
+                *value += *factor * *other;
+            }
+        }
+    }
+    c
+}
+
+/// a + b.
+pub(crate) fn sum<T: Number, const A: usize, const B: usize>(
+    mut a: Array<T, A, B>,
+    b: &Array<T, A, B>,
+) -> Array<T, A, B> {
+    for (row, other) in a.iter_mut().zip(b) {
+        for (value, other) in row.iter_mut().zip(other) {
+            *value += *other;
+        }
+    }
+    a
+}
+
+/// f a.
+pub(crate) fn times<T: Number, const A: usize, const B: usize>(
+    mut a: Array<T, A, B>,
+    f: T,
+) -> Array<T, A, B> {
+    a.iter_mut().flatten().for_each(|value| *value *= f);
+    a
+}
+
+/// aᵀ.
+pub(crate) fn transposed<T: Number, const A: usize, const B: usize>(
+    a: &Array<T, A, B>,
+) -> Array<T, B, A> {
+    std::array::from_fn(|j| std::array::from_fn(|i| a[i][j]))
+}
+
+/// R⁻¹ of an upper triangular R.
+pub(crate) fn inverse_of_triangle<T: Number, const N: usize>(r: &Array<T, N, N>) -> Array<T, N, N> {
+    let mut inverse = identity();
+    for i in (0..N).rev() {
+        let mut row: [T; N] = inverse[i];
+        for (below, factor) in inverse[i + 1..].iter().zip(&r[i][i + 1..]) {
+            for (value, below) in row.iter_mut().zip(below) {
+                *value -= *factor * *below;
+            }
+        }
+        inverse[i] = row.map(|value| value / r[i][i]);
+    }
+    inverse
+}
+
+/// The same numbers in another precision.
+pub(crate) fn convert<T: Number, const A: usize, const B: usize>(
+    value: impl Fn(usize, usize) -> f64,
+) -> Array<T, A, B> {
+    std::array::from_fn(|i| std::array::from_fn(|j| T::from(value(i, j))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sines_have_thirty_digits() {
+        for angle in [1e-9, 0.3, -1.2, 2.5, 3.1, -40.0] {
+            let (s, c) = sin_cos(Extended::from(angle));
+            assert!((s.0 - angle.sin()).abs() < 1e-15 && (c.0 - angle.cos()).abs() < 1e-15);
+            assert!((s * s + c * c - Extended::ONE).0.abs() < 1e-30, "{angle}");
+            // sin 3a = 3 sin a − 4 sin³ a.
+            let triple = sin_cos(Extended::from(angle) * Extended::from(3.0)).0;
+            let expected = s * Extended::from(3.0) - s * s * s * Extended::from(4.0);
+            assert!((triple - expected).0.abs() < 1e-29, "{angle}");
+        }
+    }
+
+    #[test]
+    fn attitudes_are_those_of_doubles_and_right_angles_are_exact() {
+        let position = Position::from_deg(20.0, -130.0, 77.0);
+        let (a, b) = (Extended::attitude(position), f64::attitude(position));
+        for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
+            assert!((a.0 - b).abs() < 1e-15);
+        }
+        let axes = Extended::attitude(Position::from_deg(90.0, -180.0, 270.0));
+        let exact = axes.iter().flatten();
+        assert!(exact.clone().all(|v| v.0 == v.0.round() && v.1 == 0.0));
+    }
+}
