@@ -2,6 +2,7 @@
 
 use scheme_opt::covariance::reference::step_by_step;
 use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::drift::CoefficientVector;
 use scheme_opt::motion::Timeline;
 
 use crate::support::{ReferenceCase, reference_cases};
@@ -94,4 +95,42 @@ fn kernels_and_filter_agree_from_strong_to_weak_priors() {
         println!("prior {sigma:e}: {worst:.1e}");
         assert!(worst < 1e-6, "prior {sigma:e}: {worst:e}");
     }
+}
+
+#[test]
+fn the_history_says_what_each_position_did() {
+    use scheme_opt::covariance::history::HistoryRecorder;
+    let mut improved = Vec::new();
+    for case in reference_cases() {
+        let platform = case.config.check().unwrap();
+        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let mut recorder = HistoryRecorder::new(&timeline, None);
+        let mut moments = Vec::new();
+        step_by_step(&platform, &timeline, &mut |moment| {
+            recorder.observe(moment);
+            moments.push(*moment);
+        })
+        .unwrap();
+        let first = timeline.positions().start;
+        for p in recorder.finish().positions {
+            let at = |time_s: f64| moments.iter().rfind(|m| m.time_s <= time_s).unwrap();
+            let end = moments.iter().rfind(|m| m.leg == first + p.position);
+            let (start, end) = (at(p.start_s).sigma_deg_per_h, end.unwrap());
+            assert_eq!(p.end_s, end.time_s);
+            let ratios = end.sigma_deg_per_h.component_div(&start);
+            assert_eq!(ratios[p.most_improved], ratios.min());
+            let rms = |sigma: &CoefficientVector| (sigma.norm_squared() / 12.0).sqrt();
+            assert_close(
+                "rms",
+                p.rms_sigma_deg_per_h,
+                rms(&end.sigma_deg_per_h),
+                1e-12,
+            );
+            let decades = (rms(&start) / rms(&end.sigma_deg_per_h)).log10();
+            let hours = (p.end_s - p.start_s) / 3600.0;
+            assert!((p.decades_per_h * hours - decades).abs() < 1e-9);
+            improved.push(p.most_improved);
+        }
+    }
+    assert!(improved.len() > 9 && improved.iter().any(|i| *i != improved[0]));
 }

@@ -84,18 +84,21 @@ const DECIMAL_POINT: &str = "separate the columns by commas and write decimals w
 /// The header line: where in a row each of [`COLUMNS`] is found.
 struct Header {
     line: usize,
+    /// Cells up to the last that has a name. Some programs write commas after it, under which a
+    /// row must not hold anything: it would be the end of a row with decimal commas.
     width: usize,
     place: [Option<usize>; COLUMNS.len()],
 }
 
 impl Header {
     fn new(row: &Row<'_>) -> Result<Self> {
+        let last = row.cells.iter().rposition(|name| !name.is_empty());
         let mut header = Self {
             line: row.line,
-            width: row.cells.len(),
+            width: last.map_or(0, |i| i + 1),
             place: [None; COLUMNS.len()],
         };
-        for (i, name) in row.cells.iter().enumerate() {
+        for (i, name) in row.cells.iter().enumerate().take(header.width) {
             if name.contains([';', '\t', '|']) {
                 return Err(Error::input("the columns are not separated by commas")
                     .with_line(row.line)
@@ -109,8 +112,11 @@ impl Header {
                         .with_key(*name)
                         .with_line(row.line));
                 }
-                // A comma at the end of the line, as some programs write it.
-                None if name.is_empty() && i + 1 == row.cells.len() => {}
+                None if name.is_empty() => {
+                    return Err(Error::input("a column without a name")
+                        .with_key(format!("column {}", i + 1))
+                        .with_line(row.line));
+                }
                 None => return Err(unknown_column(row.line, name)),
             }
         }
@@ -217,6 +223,7 @@ mod tests {
             "\"alpha_deg\",\"beta_deg\",\"gamma_deg\",\"dwell_s\"\n\"1\",\"2\",\"3\",\"4\"\n-5,6,+7.5,8\n,,,\n",
             "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured\n1,2,3,4,,\n-5,6,7.5,8\n",
             "alpha_deg,beta_deg,gamma_deg,dwell_s,\n1,2,3,4,\n-5,6,7.5,8,\n",
+            "alpha_deg,beta_deg,gamma_deg,dwell_s,,,\n1,2,3,4,,,\n-5,6,7.5,8,,,\n",
         ] {
             assert_eq!(parse(text).unwrap(), plain, "{text}");
         }
@@ -307,6 +314,17 @@ mod tests {
                 "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,5,0,0,1\n",
                 Some("positions[0]"),
                 "with a point",
+            ),
+            // Once read as (0°, 5°, 0°) for 0 s.
+            (
+                "alpha_deg,beta_deg,gamma_deg,dwell_s,\n0,5,0,0,1\n",
+                Some("positions[0]"),
+                "with a point",
+            ),
+            (
+                "alpha_deg,beta_deg,,gamma_deg,dwell_s\n",
+                Some("column 3"),
+                "without a name",
             ),
             (
                 "alpha_deg,beta_deg,gamma_deg,dwell_s\n",

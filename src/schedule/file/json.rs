@@ -95,19 +95,19 @@ struct Record<'a> {
     document: &'a str,
     /// What its keys are prefixed with in messages; empty for the top.
     path: String,
-    /// Where it starts.
-    line: usize,
+    /// Its own text. Lines are counted from here only for errors: to count them for every value of
+    /// a file would take time with the square of its length.
+    part: &'a str,
     entries: Vec<(String, &'a RawValue)>,
 }
 
 impl<'a> Record<'a> {
     /// The object that `part` of the document is.
     fn parse(document: &'a str, part: &'a str, path: &str) -> Result<Self> {
-        let line = text::line_of(document, part);
         let is_top = path.is_empty();
         if !is_top && !part.starts_with('{') {
             return Err(Error::input("wrong type")
-                .with_line(line)
+                .with_line(text::line_of(document, part))
                 .with_key(path)
                 .with_value(text::shown(part))
                 .with_allowed("an object {\"alpha_deg\": …, \"dwell_s\": …}"));
@@ -121,7 +121,7 @@ impl<'a> Record<'a> {
         Ok(Self {
             document,
             path: path.to_owned(),
-            line,
+            part,
             entries: object.0,
         })
     }
@@ -142,9 +142,8 @@ impl<'a> Record<'a> {
 
     /// Adds key and line of the value called `name`.
     fn at(&self, name: &str, error: Error) -> Error {
-        let line = self
-            .get(name)
-            .map_or(self.line, |v| text::line_of(self.document, v.get()));
+        let place = self.get(name).map_or(self.part, RawValue::get);
+        let line = text::line_of(self.document, place);
         error.with_key(self.key(name)).with_line(line)
     }
 
@@ -155,18 +154,18 @@ impl<'a> Record<'a> {
     /// Refuses keys that are not `known`, and keys given twice.
     fn check_keys(&self, known: &[&str]) -> Result<()> {
         for (i, (name, value)) in self.entries.iter().enumerate() {
-            let line = text::line_of(self.document, value.get());
+            let line = || text::line_of(self.document, value.get());
             if !known.contains(&name.as_str()) {
                 let error = Error::input("unknown key")
                     .with_key(self.key(&text::shown(name)))
-                    .with_line(line)
+                    .with_line(line())
                     .with_allowed(known.join(", "));
                 return Err(text::with_nearest(error, name, known.iter().copied()));
             }
             if self.entries[..i].iter().any(|(earlier, _)| earlier == name) {
                 return Err(Error::input("given twice")
                     .with_key(self.key(name))
-                    .with_line(line));
+                    .with_line(line()));
             }
         }
         Ok(())
@@ -426,5 +425,23 @@ mod tests {
             "{rest}, \"move_s\": null, \"move_measured\": null"
         )));
         assert_eq!(nulls.unwrap(), parse(&with_position(rest)).unwrap());
+    }
+
+    #[test]
+    fn the_longest_files_are_read_in_a_moment() {
+        // Counting lines for every value once took minutes here: its time grew with the square.
+        let position = format!(
+            "{{\"alpha_deg\": 0, \"beta_deg\": 0, \"gamma_deg\": 0,{} \"dwell_s\": 1}}",
+            "\n".repeat(750)
+        );
+        let positions = vec![position.as_str(); MAX_POSITIONS].join(",");
+        let good = format!("{{\"positions\": [{positions}]}}");
+        assert!(good.len() > 8_000_000 && good.len() < 8 << 20);
+        let began = std::time::Instant::now();
+        assert_eq!(parse(&good).unwrap().positions().len(), MAX_POSITIONS);
+        let at = good.rfind("1}").unwrap();
+        let error = parse(&format!("{}-1}}]}}", &good[..at])).unwrap_err();
+        assert_eq!(error.line(), Some(750 * MAX_POSITIONS + 1));
+        assert!(began.elapsed().as_secs() < 5, "{:?}", began.elapsed());
     }
 }
