@@ -190,8 +190,9 @@ impl CovarianceModel {
     /// The covariance at the end of `timeline`, its information triangularised by QR.
     ///
     /// Where a combination of coefficients is told 1e9 times better than its prior, the sixteenth
-    /// digit of its rows may count beside the prior of another; under the filter's rule it is then
-    /// worked out in numbers of 32 digits.
+    /// digit of its rows may count beside the prior of another; and where a misalignment is told
+    /// 1e8 times better than its prior, I + R11 P R11ᵀ loses its I. Under the filter's rule it is
+    /// then worked out in numbers of 32 digits.
     ///
     /// # Errors
     ///
@@ -202,10 +203,12 @@ impl CovarianceModel {
         let mut rows = Rows::new(&self.prior_sigma);
         let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
         let largest = rows.largest();
-        if rule == TickRule::Filter && largest.is_finite() && largest > MOST_IN_DOUBLES {
+        let root = rows.covariance_root();
+        let lost = root.is_err() || largest > MOST_IN_DOUBLES;
+        if rule == TickRule::Filter && lost {
             return self.end_covariance_extended(timeline);
         }
-        Ok(EndCovariance::new(rows.covariance_root()?, &state))
+        Ok(EndCovariance::new(root?, &state))
     }
 }
 

@@ -349,8 +349,7 @@ fn triangle<'a, const N: usize>(
     std::array::from_fn(|i| rows[i])
 }
 
-/// Squares of less underflow. Leftovers of an elimination come to it when they are eliminated
-/// hundreds of times over; nothing of the problem comes near.
+/// Squares of less underflow; nothing of the problem comes near.
 const NOTHING: f64 = 1e-140;
 
 /// Turns `rows` so that all but the first are zero in column `j`.
