@@ -161,10 +161,8 @@ impl Lbfgs {
             y: vec![0.0; self.x.len()],
             per_curvature: 0.0,
         });
-        for i in 0..self.x.len() {
-            pair.s[i] = self.trial[i] - self.x[i];
-            pair.y[i] = gradient[i] - self.gradient[i];
-        }
+        subtract(&mut pair.s, &self.trial, &self.x);
+        subtract(&mut pair.y, gradient, &self.gradient);
         let curvature = dot(&pair.s, &pair.y);
         // The Wolfe conditions make it positive; a step taken for want of trials may not.
         if curvature > f64::EPSILON * dot(&pair.y, &pair.y) {
@@ -239,6 +237,13 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     }
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+/// `to` = a − b.
+fn subtract(to: &mut [f64], a: &[f64], b: &[f64]) {
+    for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+        *to = a - b;
+    }
 }
 
 /// `to` + `factor` · `of`.
