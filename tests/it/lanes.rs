@@ -41,7 +41,7 @@ fn assert_same_bytes(problem: &SearchProblem, change: impl FnOnce(&mut PlatformC
 
 fn problem() -> SearchProblem {
     SearchProblem {
-        starts: 6,
+        starts: 3,
         max_positions: 12,
         ..SearchProblem::default()
     }
