@@ -41,7 +41,7 @@ pub const GRAVITY_N: Vector3<f64> = Vector3::new(0.0, -1.0, 0.0);
 /// At the poles ω_N is set to exactly zero: cos(π/2) is 6e-17 in floating point, and a spurious
 /// ω_N would pass for an azimuth reference that is not there.
 pub fn earth_rate_n(latitude_rad: f64) -> Vector3<f64> {
-    let (sin_l, cos_l) = latitude_rad.sin_cos();
+    let (sin_l, cos_l) = libm::sincos(latitude_rad);
     let cos_l = if cos_l.abs() < 1e-15 { 0.0 } else { cos_l };
     EARTH_RATE_RAD_PER_S * Vector3::new(cos_l, sin_l, 0.0)
 }
@@ -97,9 +97,9 @@ impl Position {
 
     /// The attitude C_c^n of this position, (19).
     pub fn attitude(self) -> Attitude {
-        let (sa, ca) = self.alpha.sin_cos();
-        let (sb, cb) = self.beta.sin_cos();
-        let (sg, cg) = self.gamma.sin_cos();
+        let (sa, ca) = libm::sincos(self.alpha);
+        let (sb, cb) = libm::sincos(self.beta);
+        let (sg, cg) = libm::sincos(self.gamma);
         Attitude(Matrix3::new(
             cb * cg,
             cb * sg,
@@ -162,16 +162,16 @@ impl Attitude {
         let sin_beta = (-c[(0, 2)]).clamp(-1.0, 1.0);
         // |cos β| below this is the gimbal lock of the triple; the remaining angle is read off
         // the rows that stay determined.
-        if c[(0, 0)].hypot(c[(0, 1)]) < 1e-12 {
-            let alpha = f64::atan2(-c[(2, 1)], c[(1, 1)]);
+        if libm::hypot(c[(0, 0)], c[(0, 1)]) < 1e-12 {
+            let alpha = libm::atan2(-c[(2, 1)], c[(1, 1)]);
             let beta = std::f64::consts::FRAC_PI_2.copysign(sin_beta);
             return Position::from_rad(alpha, beta, 0.0);
         }
-        let cos_beta = c[(0, 0)].hypot(c[(0, 1)]);
+        let cos_beta = libm::hypot(c[(0, 0)], c[(0, 1)]);
         Position::from_rad(
-            c[(1, 2)].atan2(c[(2, 2)]),
-            sin_beta.atan2(cos_beta),
-            c[(0, 1)].atan2(c[(0, 0)]),
+            libm::atan2(c[(1, 2)], c[(2, 2)]),
+            libm::atan2(sin_beta, cos_beta),
+            libm::atan2(c[(0, 1)], c[(0, 0)]),
         )
     }
 
@@ -187,7 +187,7 @@ impl Attitude {
 
     /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.
     pub fn rotation_axes(&self, position: Position) -> [Vector3<f64>; 3] {
-        let (sa, ca) = position.alpha.sin_cos();
+        let (sa, ca) = libm::sincos(position.alpha);
         [
             Vector3::x(),
             // Mx(α) e_y is the second column of Mx(α).

@@ -371,7 +371,7 @@ enum Scale {
 fn finish((bracket, scale): (Bracket, Scale), majorant: MajorantInUse) -> Result<CriterionBound> {
     let value = |v: f64| match scale {
         Scale::Variance(weight) => (v.max(0.0) / weight).sqrt(),
-        Scale::LogDeterminant(count) => (v / (2.0 * count)).exp(),
+        Scale::LogDeterminant(count) => libm::exp(v / (2.0 * count)),
     };
     let (lower, design) = (value(bracket.lower), value(bracket.design));
     if !lower.is_finite() {

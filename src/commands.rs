@@ -390,7 +390,7 @@ fn rotation_vector(turn: &Matrix3<f64>) -> Vector3<f64> {
     let axis_sine = 0.5 * Vector3::new(t[(2, 1)], t[(0, 2)], t[(1, 0)]);
     let (sine, cosine) = (axis_sine.norm(), 0.5 * (turn.trace() - 1.0));
     match sine > 0.0 {
-        true => axis_sine * (sine.atan2(cosine) / sine),
+        true => axis_sine * (libm::atan2(sine, cosine) / sine),
         false => Vector3::zeros(),
     }
 }

@@ -56,7 +56,7 @@ impl Criterion {
     ///
     /// [`Error::is_numerical`] when P_D is not positive definite where it must be.
     pub fn value(&self, covariance: &CoefficientMatrix) -> Result<f64> {
-        Ok(self.log(covariance, Smoothing::Exact)?.exp())
+        Ok(libm::exp(self.log(covariance, Smoothing::Exact)?))
     }
 
     /// ln(value), smoothed or not.
@@ -101,7 +101,7 @@ impl Criterion {
 
 /// ln √(Σ w P_ii / Σ w).
 fn log_weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> f64 {
-    0.5 * (p.diagonal().dot(weights) / weights.sum()).ln()
+    0.5 * libm::log(p.diagonal().dot(weights) / weights.sum())
 }
 
 /// ln √(Σ w P_ii / Σ w) and its gradient.
@@ -126,7 +126,7 @@ fn geometric_mean(p: &CoefficientMatrix) -> Result<(f64, CoefficientMatrix)> {
         .l_dirty()
         .diagonal()
         .iter()
-        .map(|d| 2.0 * d.ln())
+        .map(|d| 2.0 * libm::log(*d))
         .sum();
     let inverse = cholesky.inverse();
     let mut gradient = CoefficientMatrix::zeros();
@@ -183,13 +183,13 @@ fn soft_maximum(values: &[f64], smoothing: Smoothing) -> (f64, Vec<f64>) {
         Smoothing::Exact => {
             let mut shares = vec![0.0; values.len()];
             shares[top] = 1.0 / max;
-            (max.ln(), shares)
+            (libm::log(max), shares)
         }
         Smoothing::PowerMean(power) => {
             // Relative to the maximum, so that no power overflows.
             let terms: Vec<f64> = values
                 .iter()
-                .map(|v| (v / max).max(0.0).powf(power))
+                .map(|v| libm::pow((v / max).max(0.0), power))
                 .collect();
             let sum: f64 = terms.iter().sum();
             let shares = values
@@ -197,7 +197,7 @@ fn soft_maximum(values: &[f64], smoothing: Smoothing) -> (f64, Vec<f64>) {
                 .zip(&terms)
                 .map(|(v, t)| if *v > 0.0 { t / (sum * v) } else { 0.0 })
                 .collect();
-            (max.ln() + sum.ln() / power, shares)
+            (libm::log(max) + libm::log(sum) / power, shares)
         }
     }
 }

@@ -50,20 +50,21 @@ impl ErrorDynamics {
     pub fn transition(&self, t_s: f64) -> Matrix3<f64> {
         let x = self.rate * t_s;
         // 1 − cos x loses its digits at a filter period, where x is 1e-3 or less.
-        let one_minus_cos = 2.0 * (0.5 * x).sin().powi(2);
-        Matrix3::identity() - x.sin() * self.axis_cross + one_minus_cos * self.axis_cross_squared
+        let one_minus_cos = 2.0 * libm::sin(0.5 * x).powi(2);
+        Matrix3::identity() - libm::sin(x) * self.axis_cross
+            + one_minus_cos * self.axis_cross_squared
     }
 
     /// Γ(t) = t I − (1 − cos ωt)/ω K + (t − sin(ωt)/ω) K², s.
     pub fn integral(&self, t_s: f64) -> Matrix3<f64> {
         let x = self.rate * t_s;
-        let one_minus_cos = 2.0 * (0.5 * x).sin().powi(2);
+        let one_minus_cos = 2.0 * libm::sin(0.5 * x).powi(2);
         let x_minus_sin = if x.abs() < 0.1 {
             // x − sin x by its series; the next term, x¹¹/11!, is below 3e-18 x at x = 0.1.
             let x2 = x * x;
             x * x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0)))
         } else {
-            x - x.sin()
+            x - libm::sin(x)
         };
         Matrix3::identity() * t_s - (one_minus_cos / self.rate) * self.axis_cross
             + (x_minus_sin / self.rate) * self.axis_cross_squared

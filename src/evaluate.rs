@@ -134,7 +134,7 @@ impl Evaluation {
                 .l_dirty()
                 .diagonal()
                 .iter()
-                .map(|d| 2.0 * d.ln())
+                .map(|d| 2.0 * libm::log(*d))
                 .sum(),
         )
     }
@@ -263,8 +263,8 @@ impl Evaluator {
     fn score(&self, end: &EndCovariance, observability: &Observability) -> Result<Score> {
         let o = &self.objective;
         let criterion = o.criterion.value(&end.coefficients)?;
-        let covariance_part = o.covariance_weight * criterion.ln();
-        let mean_log = observability.separability.map(f64::ln).mean();
+        let covariance_part = o.covariance_weight * libm::log(criterion);
+        let mean_log = observability.separability.map(libm::log).mean();
         // Not 0 · ∞: without a weight, separability has no part in the score.
         let separability_part = match o.separability_weight > 0.0 {
             true => -o.separability_weight * mean_log,
@@ -388,7 +388,7 @@ impl Evaluator {
         let mut value = -share * log.sum();
         let mut slopes = CoefficientVector::repeat(-share);
         if o.minimum_separability > 0.0 {
-            let wanted = o.minimum_separability.ln() + MARGIN;
+            let wanted = libm::log(o.minimum_separability) + MARGIN;
             for (slope, log) in slopes.iter_mut().zip(log.iter()) {
                 let short = (wanted - log).max(0.0);
                 // Quadratic near the aim, linear far from it.

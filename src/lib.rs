@@ -50,6 +50,8 @@
 //! [`results`] and reports (feature `report`), command line (feature `cli`). The model never sees
 //! the search, nor the search the certificate, and the library never prints.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 pub mod attitude;
 pub mod baseline;
 pub mod certificate;

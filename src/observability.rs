@@ -31,6 +31,7 @@ pub mod reconstruction;
 mod regressor;
 mod row_space;
 pub mod separability;
+mod singular;
 pub mod solution;
 pub mod suggest;
 pub mod weak;
@@ -39,7 +40,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::motion::Timeline;
 pub use combinations::Combination;
 pub use regressor::Channel;
@@ -223,10 +224,6 @@ impl Observability {
     pub fn strict_order_of(&self, combination: &Combination) -> Option<Order> {
         self.spaces.strict_order_of(combination)
     }
-}
-
-fn svd_failed() -> Error {
-    Error::numerical("the singular value decomposition of the regressor did not converge")
 }
 
 #[cfg(test)]

@@ -109,7 +109,10 @@ impl Problem<'_> {
 
     /// ln det P over the open coefficients.
     pub fn log_determinant(&self) -> Result<Bracket> {
-        let fixed = self.trace.as_ref().map_or(0.0, |(_, kappa)| -kappa.ln());
+        let fixed = self
+            .trace
+            .as_ref()
+            .map_or(0.0, |(_, kappa)| -libm::log(*kappa));
         if self.space.size() == 0 {
             return Ok(Bracket {
                 lower: fixed,
@@ -121,7 +124,7 @@ impl Problem<'_> {
         let log = log_determinant(&designed.inverse)?;
         let spent = prior_part(&designed.factor, &self.space.prior) + designed.largest;
         Ok(Bracket {
-            lower: fixed + log - count * (spent / count).ln(),
+            lower: fixed + log - count * libm::log(spent / count),
             design: fixed + log,
         })
     }
@@ -223,7 +226,7 @@ fn log_determinant(matrix: &DMatrix<f64>) -> Result<f64> {
         Error::numerical("the bound's design matrix is singular in double precision")
     })?;
     let diagonal = cholesky.l_dirty().diagonal();
-    Ok(diagonal.iter().map(|d| 2.0 * d.ln()).sum())
+    Ok(diagonal.iter().map(|d| 2.0 * libm::log(*d)).sum())
 }
 
 /// tr(Yᵀ S⁻¹ Y).
@@ -266,7 +269,7 @@ impl Goal for WorstDirection {
         let top = eigen.eigenvalues.max();
         let shares = eigen
             .eigenvalues
-            .map(|v| (v / top).max(0.0).powf(WORST_POWER));
+            .map(|v| libm::pow((v / top).max(0.0), WORST_POWER));
         let sum: f64 = shares.iter().sum();
         let scale = DMatrix::from_diagonal(&shares.map(|s| (s / sum).sqrt()));
         self.y = &eigen.eigenvectors * scale;

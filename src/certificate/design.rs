@@ -187,7 +187,7 @@ impl Design<'_> {
                 break;
             }
             for (w, v) in self.weights.iter_mut().zip(&values) {
-                *w *= (v / mean).powf(goal.exponent());
+                *w *= libm::pow(v / mean, goal.exponent());
             }
             self.normalise();
             state = self.state(goal)?;

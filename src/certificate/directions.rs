@@ -52,7 +52,7 @@ impl Sphere {
         };
         for k in 0..ring_count {
             let colatitude = (k as f64 + 0.5) * band;
-            let count = (TAU * colatitude.sin() / spacing).ceil().max(3.0) as usize;
+            let count = (TAU * libm::sin(colatitude) / spacing).ceil().max(3.0) as usize;
             let first = sphere.directions.len();
             for i in 0..count {
                 let azimuth = TAU * i as f64 / count as f64;
@@ -60,10 +60,10 @@ impl Sphere {
             }
             // Haversines, with the widest parallel of the band.
             let nearest = (colatitude - FRAC_PI_2).abs() - 0.5 * band;
-            let widest = nearest.max(0.0).cos();
-            let across = (FRAC_PI_2 / count as f64).sin().powi(2);
-            let hav = (0.25 * band).sin().powi(2) + colatitude.sin() * widest * across;
-            sphere.radius = sphere.radius.max(2.0 * hav.sqrt().min(1.0).asin());
+            let widest = libm::cos(nearest.max(0.0));
+            let across = libm::sin(FRAC_PI_2 / count as f64).powi(2);
+            let hav = libm::sin(0.25 * band).powi(2) + libm::sin(colatitude) * widest * across;
+            sphere.radius = sphere.radius.max(2.0 * libm::asin(hav.sqrt().min(1.0)));
             sphere.rings.push(Ring {
                 colatitude,
                 first,
@@ -82,12 +82,12 @@ impl Sphere {
             if marks[ring.first] && length >= TAU {
                 continue;
             }
-            let sines = ring.colatitude.sin() * colatitude.sin();
-            let cosine = reach.cos() - ring.colatitude.cos() * colatitude.cos();
+            let sines = libm::sin(ring.colatitude) * libm::sin(colatitude);
+            let cosine = libm::cos(reach) - libm::cos(ring.colatitude) * libm::cos(colatitude);
             let pad = if cosine <= -sines {
                 PI
             } else {
-                (cosine / sines).min(1.0).acos()
+                libm::acos((cosine / sines).min(1.0))
             };
             let step = TAU / ring.count as f64;
             let low = ((from - pad) / step).floor() as i64;
@@ -101,8 +101,8 @@ impl Sphere {
 }
 
 fn direction(colatitude: f64, azimuth: f64) -> Vector3<f64> {
-    let (s, c) = colatitude.sin_cos();
-    Vector3::new(s * azimuth.cos(), s * azimuth.sin(), c)
+    let (s, c) = libm::sincos(colatitude);
+    Vector3::new(s * libm::cos(azimuth), s * libm::sin(azimuth), c)
 }
 
 /// What the bound maximises over.
@@ -204,8 +204,8 @@ fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
     for &alpha in &alphas {
         for &beta in &betas {
             let g = Position::from_rad(alpha, beta, 0.0).attitude().gravity_c();
-            let colatitude = g.z.clamp(-1.0, 1.0).acos();
-            let azimuth = g.y.atan2(g.x);
+            let colatitude = libm::acos(g.z.clamp(-1.0, 1.0));
+            let azimuth = libm::atan2(g.y, g.x);
             sphere.mark(&mut marks, colatitude, azimuth + from, length, reach);
         }
         if marks.iter().all(|m| *m) {

@@ -80,7 +80,7 @@ impl<'a> Attitudes<'a> {
                 let directions = &self.directions.sphere.directions;
                 let values = self.values(&grouped, directions);
                 let (top, bottom) = extremes(&values);
-                let lost = (2.0 * self.directions.sphere.radius).sin().powi(2);
+                let lost = libm::sin(2.0 * self.directions.sphere.radius).powi(2);
                 let range = (top - bottom) / (1.0 - 2.0 * lost);
                 Peak {
                     value: if rigorous { top + lost * range } else { top },
@@ -114,7 +114,7 @@ impl<'a> Attitudes<'a> {
         let [x, y, z] = self.delta;
         Value {
             mean: 0.5 * (x + z) * (a + d) + y * g.dot(&(q * g)),
-            swing: 0.5 * (x - z).abs() * (a - d).hypot(2.0 * b),
+            swing: 0.5 * (x - z).abs() * libm::hypot(a - d, 2.0 * b),
         }
     }
 
@@ -129,13 +129,13 @@ impl<'a> Attitudes<'a> {
     ) -> f64 {
         let sphere = &self.directions.sphere;
         let everywhere = self.values(grouped, &sphere.directions);
-        let lost = (2.0 * sphere.radius).sin().powi(2);
+        let lost = libm::sin(2.0 * sphere.radius).powi(2);
         let means = || everywhere.iter().map(|v| v.mean);
         let top = means().fold(0.0, f64::max);
         let bottom = means().fold(f64::INFINITY, f64::min);
         let range = (top - bottom) / (1.0 - 2.0 * lost);
         let swing = everywhere.iter().map(|v| v.swing).fold(0.0, f64::max);
-        let swing = swing / (4.0 * sphere.radius).cos();
+        let swing = swing / libm::cos(4.0 * sphere.radius);
         let rest = 4.0 * range * radius * radius + 4.0 * radius * swing;
         let mut bound = 0.0_f64;
         for (g, v) in directions.iter().zip(values) {
@@ -155,12 +155,12 @@ impl<'a> Attitudes<'a> {
         let (e1, e2) = plane(g);
         let along = |e: &Vector3<f64>| {
             let at = |s: f64| {
-                self.value(grouped, &(g * STEP.cos() + e * (s * STEP.sin())))
+                self.value(grouped, &(g * libm::cos(STEP) + e * (s * libm::sin(STEP))))
                     .mean
             };
             (at(1.0) - at(-1.0)) / (2.0 * STEP)
         };
-        along(&e1).hypot(along(&e2))
+        libm::hypot(along(&e1), along(&e2))
     }
 
     /// The highest directions that are not beside a higher one, each at its best heading.
@@ -197,12 +197,12 @@ impl<'a> Attitudes<'a> {
         let q = grouped.at(g);
         let (e1, e2) = plane(g);
         let (a, b, d) = (e1.dot(&(q * e1)), e1.dot(&(q * e2)), e2.dot(&(q * e2)));
-        let mut angle = 0.5 * (2.0 * b).atan2(a - d);
+        let mut angle = 0.5 * libm::atan2(2.0 * b, a - d);
         if self.delta[0] < self.delta[2] {
             angle += std::f64::consts::FRAC_PI_2;
         }
         let up = -g;
-        let north = e1 * angle.cos() + e2 * angle.sin();
+        let north = e1 * libm::cos(angle) + e2 * libm::sin(angle);
         let east = north.cross(&up);
         let rows = [north.transpose(), up.transpose(), east.transpose()];
         Attitude::from_rotation(Rotation3::from_matrix_unchecked(Matrix3::from_rows(&rows)))

@@ -241,7 +241,7 @@ impl RatioSearch<'_> {
     }
 
     fn value(&mut self, at: &[f64; 2], accuracy: f64) -> Option<([f64; 3], f64)> {
-        let ratios = [1.0, at[0].exp(), at[1].exp()];
+        let ratios = [1.0, libm::exp(at[0]), libm::exp(at[1])];
         let (recursion, kappa) = (self.recursion, self.kappa);
         let (conditions, cells) = (&recursion.conditions, &recursion.cells);
         let wanted = self.trace_variance;

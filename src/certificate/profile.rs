@@ -58,7 +58,7 @@ impl Shape {
         // With s = (1 − ℓω_c)/(1 + ℓω_c), so that ℓ = ∞ (ψ known at the start) is no exception.
         let share = (1.0 + start_length * rate).recip();
         let s = 2.0 * share - 1.0;
-        let decay = (-rate * end).exp();
+        let decay = libm::exp(-rate * end);
         let a = -(share - decay * s) / (1.0 - decay * decay * s);
         Self::Exponential {
             psd,
@@ -77,7 +77,7 @@ impl Shape {
                 a,
                 b,
                 end,
-            } => (1.0 + a * (-rate * t).exp() + b * (-rate * (end - t)).exp()) / psd,
+            } => (1.0 + a * libm::exp(-rate * t) + b * libm::exp(-rate * (end - t))) / psd,
             Self::Parabola { c0, c1, rho } => (c0 + t * (c1 - 0.5 * t)) / rho,
         }
     }

@@ -56,7 +56,7 @@ impl Certifier {
         let longest = MAX_DURATION_S.min(MAX_FILTER_PERIODS * period);
         let ratio = |time: f64| {
             let bound = self.criterion_bound(&criterion, time)?;
-            Ok::<f64, crate::Error>(bound.lower_bound.max(f64::MIN_POSITIVE).ln())
+            Ok::<f64, crate::Error>(libm::log(bound.lower_bound.max(f64::MIN_POSITIVE)))
         };
         // Ends of the bracket: time and ln ratio. Below one period nothing is measured, so the
         // prior, which fails, is all there is.
@@ -75,11 +75,11 @@ impl Certifier {
                     return Ok(MinimumTime::NotWithin(longest));
                 }
                 (Some((t, v)), None) => {
-                    (t * (1.05 * v / POWER).exp().clamp(1.001, 20.0)).min(longest)
+                    (t * libm::exp(1.05 * v / POWER).clamp(1.001, 20.0)).min(longest)
                 }
                 (None, Some((t, _))) if t <= period => return Ok(MinimumTime::Unknown),
                 (None, Some((t, v))) => {
-                    (t * (1.05 * v / POWER).exp().clamp(0.05, 0.999)).max(period)
+                    (t * libm::exp(1.05 * v / POWER).clamp(0.05, 0.999)).max(period)
                 }
                 (Some(a), Some(b)) => {
                     if b.0 / a.0 < 1.0 + WIDTH {
@@ -96,7 +96,7 @@ impl Certifier {
 
 /// The root of the line through both ends in ln t, moved to the side that is still far from it.
 fn between(low: (f64, f64), high: (f64, f64)) -> f64 {
-    let (a, b) = (low.0.ln(), high.0.ln());
+    let (a, b) = (libm::log(low.0), libm::log(high.0));
     let root = a + (b - a) * low.1 / (low.1 - high.1);
     let (to_low, to_high) = (root - a, b - root);
     let step = 0.4 * WIDTH;
@@ -105,5 +105,5 @@ fn between(low: (f64, f64), high: (f64, f64)) -> f64 {
     } else {
         root + step
     };
-    root.clamp(a + 0.05 * (b - a), b - 0.05 * (b - a)).exp()
+    libm::exp(root.clamp(a + 0.05 * (b - a), b - 0.05 * (b - a)))
 }

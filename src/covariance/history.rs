@@ -144,7 +144,7 @@ impl HistoryRecorder {
             end_s: end.time_s,
             rms_sigma_deg_per_h: rms(end),
             decades_per_h: match hours > 0.0 {
-                true => (rms(&start) / rms(end)).log10() / hours,
+                true => libm::log10(rms(&start) / rms(end)) / hours,
                 false => 0.0,
             },
             most_improved,

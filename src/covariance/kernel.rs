@@ -329,7 +329,7 @@ fn channel_weights(r11: &Matrix3<f64>, r12: &Matrix3<f64>, r22: &Matrix3<f64>) -
     let mut weights = Vector3::zeros();
     // σ_x² = (1 + (xz/z)²)/x² for the 2×2 factor [x xz; 0 z].
     weights[NORTH] = if z > 0.0 {
-        x / (xz / z).hypot(1.0)
+        x / libm::hypot(xz / z, 1.0)
     } else {
         0.0
     };

@@ -53,7 +53,7 @@ impl Rule {
     /// customary cosine guess, weights 2/((1 − x²) P_n'(x)²), mapped to [0, 1].
     fn gauss_legendre(n: usize) -> Self {
         let nodes = (0..n).map(|i| {
-            let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+            let mut x = libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
             let mut slope = 0.0;
             for _ in 0..100 {
                 let (mut p0, mut p1) = (1.0, x);

@@ -10,12 +10,12 @@
 //! better observable, and [`rank_correlation`] tells how far such numbers agree with the accuracy
 //! that the filter achieves. `examples/04_methods_compared.rs` prints the comparison.
 
-use faer::Mat;
 use nalgebra::{Matrix3, SMatrix};
 
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor};
-use super::{Observability, Order, Spaces, separability, svd_failed};
+use super::singular::Singular;
+use super::{Observability, Order, Spaces, separability};
 use crate::attitude::{EAST, NORTH};
 use crate::covariance::{CovarianceModel, TickRule, split_periods};
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftMatrix, drift_matrix};
@@ -242,13 +242,12 @@ impl PiecewiseConstant {
                 power *= f;
             }
         }
-        let matrix = Mat::from_fn(rows.len(), STATES, |i, j| rows[i][j]);
-        let svd = matrix.thin_svd().map_err(|_| svd_failed())?;
-        let singular_values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+        let svd = Singular::of(rows.len(), STATES, |i, j| rows[i][j])?;
+        let singular_values: Vec<f64> = svd.values.iter().copied().collect();
         let zero = rows.len() as f64 * f64::EPSILON * singular_values[0];
         let rank = singular_values.iter().filter(|s| **s > zero).count();
         let degrees = CoefficientVector::from_fn(|i, _| {
-            let part = |k: usize| svd.V()[(3 + i, k)].abs();
+            let part = |k: usize| svd.vector(k, 3 + i).abs();
             (0..STATES)
                 .max_by(|a, b| part(*a).total_cmp(&part(*b)))
                 .map_or(0.0, |k| singular_values[k])

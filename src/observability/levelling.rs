@@ -119,7 +119,7 @@ impl Levelling {
     /// ln det M without the trace; minus infinity when the rank is short.
     pub fn log_det(&self) -> f64 {
         self.seen().map_or(f64::NEG_INFINITY, |values| {
-            values.iter().map(|v| v.ln()).sum()
+            values.iter().map(|v| libm::log(*v)).sum()
         })
     }
 
@@ -133,7 +133,7 @@ impl Levelling {
     /// D-efficiency (det M / det M of the uniform sphere)^(1/11), 0 to 1: the share of the
     /// measuring time that the sphere would need for the same determinant.
     pub fn d_efficiency(&self) -> f64 {
-        ((self.log_det() - SPHERE_LOG_DET) / SEEN as f64).exp()
+        libm::exp((self.log_det() - SPHERE_LOG_DET) / SEEN as f64)
     }
 }
 

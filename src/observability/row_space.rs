@@ -1,8 +1,6 @@
 //! The space spanned by some rows: its rank, what it contains, what it misses.
 
-use faer::Mat;
-
-use super::svd_failed;
+use super::singular::Singular;
 use crate::error::Result;
 
 /// Relative size below which a singular value counts as zero.
@@ -26,13 +24,12 @@ impl<const N: usize> RowSpace<N> {
         if rows.is_empty() {
             return Ok(Self { basis: Vec::new() });
         }
-        let matrix = Mat::from_fn(rows.len(), N, |i, j| rows[i][j]);
-        let svd = matrix.thin_svd().map_err(|_| svd_failed())?;
-        let values = svd.S().column_vector();
+        let svd = Singular::of(rows.len(), N, |i, j| rows[i][j])?;
+        let values = &svd.values;
         let largest = values[0];
-        let basis = (0..values.nrows())
+        let basis = (0..values.len())
             .filter(|&k| values[k] > RANK_TOLERANCE * largest)
-            .map(|k| std::array::from_fn(|j| svd.V()[(j, k)]))
+            .map(|k| std::array::from_fn(|j| svd.vector(k, j)))
             .collect();
         Ok(Self { basis })
     }

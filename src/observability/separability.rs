@@ -4,11 +4,10 @@
 //! With X the weighted rows, columns scaled to length one, separability is
 //! `1/√((XᵀX)⁻¹)_ii`: the inverse of coefficient i's variance inflation.
 
-use faer::Mat;
 use nalgebra::{Matrix3, SMatrix};
 
 use super::regressor::{Change, Channel, Regressor, RowSource, UNKNOWNS};
-use super::svd_failed;
+use super::singular::Singular;
 use crate::attitude::UP;
 use crate::covariance::CovarianceModel;
 use crate::covariance::gradient::LegGradient;
@@ -34,16 +33,15 @@ pub(super) fn by_svd(rows: &[[f64; UNKNOWNS]]) -> Result<(CoefficientVector, f64
     }
     // Rows of zeros make a short matrix square, so that its null space is part of the SVD.
     let height = rows.len().max(used.len());
-    let scaled = Mat::from_fn(height, used.len(), |i, j| {
+    let svd = Singular::of(height, used.len(), |i, j| {
         rows.get(i)
             .map_or(0.0, |row| row[used[j]] / lengths[used[j]].sqrt())
-    });
-    let svd = scaled.thin_svd().map_err(|_| svd_failed())?;
-    let values = svd.S().column_vector();
+    })?;
+    let values = &svd.values;
     for (j, &unknown) in used.iter().enumerate().filter(|(_, u)| **u < COEFFICIENTS) {
         let mut inflation = 0.0;
         for k in 0..used.len() {
-            let along = svd.V()[(j, k)];
+            let along = svd.vector(k, j);
             if values[k] > NULL {
                 inflation += (along / values[k]).powi(2);
             } else if along.abs() > 1e-7 {
@@ -84,7 +82,8 @@ impl LogSeparability {
             gram[(COEFFICIENTS, COEFFICIENTS)] = 1.0;
         }
         let inverse = nalgebra::Cholesky::new(gram)?.inverse();
-        let log = CoefficientVector::from_fn(|i, _| -0.5 * (inverse[(i, i)] * gram[(i, i)]).ln());
+        let log =
+            CoefficientVector::from_fn(|i, _| -0.5 * libm::log(inverse[(i, i)] * gram[(i, i)]));
         // Rounding noise below this is not a separability.
         (log.min() > -20.0 && log.iter().all(|v| v.is_finite())).then_some(Self {
             regressor,

@@ -288,7 +288,7 @@ impl Prospect {
 /// ½ ln det of a covariance; infinite where rounding leaves nothing of it.
 fn half_log_det(covariance: &DMatrix<f64>) -> f64 {
     nalgebra::Cholesky::new(covariance.clone()).map_or(f64::INFINITY, |c| {
-        c.l_dirty().diagonal().iter().map(|v| v.ln()).sum()
+        c.l_dirty().diagonal().iter().map(|v| libm::log(*v)).sum()
     })
 }
 

@@ -4,11 +4,10 @@
 //! eliminated, have singular values 1/σ: the right singular vectors of the smallest are the
 //! combinations that the schedule knows least. Those of value zero are unobservable.
 
-use faer::Mat;
-
+use super::Order;
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor, TaggedRow};
-use super::{Order, svd_failed};
+use super::singular::Singular;
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::Result;
@@ -65,17 +64,16 @@ pub fn weak_combinations(
         return Ok((vec![0.0; COEFFICIENTS], Vec::new()));
     }
     let height = rows.len().max(COEFFICIENTS);
-    let matrix = Mat::from_fn(height, COEFFICIENTS, |i, j| {
+    let svd = Singular::of(height, COEFFICIENTS, |i, j| {
         rows.get(i).map_or(0.0, |r| r[j])
-    });
-    let svd = matrix.thin_svd().map_err(|_| svd_failed())?;
-    let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+    })?;
+    let values: Vec<f64> = svd.values.iter().copied().collect();
     let mut weak = Vec::new();
     for k in (0..COEFFICIENTS).rev() {
         if values[k] <= NULL * values[0] {
             continue;
         }
-        let vector = CoefficientVector::from_fn(|j, _| svd.V()[(j, k)]);
+        let vector = CoefficientVector::from_fn(|j, _| svd.vector(k, j));
         weak.push(WeakCombination {
             combination: Combination::from_weights(&vector, 0.0),
             channel_sigma_deg_per_h: values[k].recip(),

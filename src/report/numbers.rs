@@ -8,7 +8,7 @@ pub fn number(value: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
-    let exponent = value.abs().log10().floor();
+    let exponent = libm::log10(value.abs()).floor();
     if (-5.0..6.0).contains(&exponent) {
         let decimals = (3.0 - exponent).max(0.0) as usize;
         format!("{value:.decimals$}")

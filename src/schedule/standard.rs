@@ -298,7 +298,7 @@ fn level_middle(direction: Vector3<f64>) -> Option<Position> {
     let heading_rad = if z_north == 0.0 {
         0.0
     } else {
-        (-z_north / z_east).atan()
+        libm::atan(-z_north / z_east)
     };
     Attitude::with_gravity_along(direction, heading_rad).map(|a| as_written(a.position()))
 }

@@ -112,7 +112,7 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
             };
             let total_time_s = match k + 1 == points {
                 true => longest,
-                false => shortest * (longest / shortest).powf(share),
+                false => shortest * libm::pow(longest / shortest, share),
             };
             SearchProblem {
                 total_time_s,

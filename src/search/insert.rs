@@ -213,8 +213,8 @@ fn spread_rotation(i: usize, n: usize) -> Attitude {
     let s = i as f64 + 0.5;
     let t = s / n as f64;
     let (r, big_r) = (t.sqrt(), (1.0 - t).sqrt());
-    let (sin_a, cos_a) = (TAU * s / SQRT_2).sin_cos();
-    let (sin_b, cos_b) = (TAU * s / PSI).sin_cos();
+    let (sin_a, cos_a) = libm::sincos(TAU * s / SQRT_2);
+    let (sin_b, cos_b) = libm::sincos(TAU * s / PSI);
     let quaternion = Quaternion::new(r * sin_a, r * cos_a, big_r * sin_b, big_r * cos_b);
     Attitude::from_rotation(UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix())
 }

@@ -338,6 +338,6 @@ impl Context<'_> {
     fn shown_criterion(&self, refined: &Refined) -> Option<f64> {
         let o = self.evaluator.objective();
         let plain = o.separability_weight == 0.0 && o.minimum_separability == 0.0;
-        (plain && o.covariance_weight > 0.0).then(|| (refined.merit / o.covariance_weight).exp())
+        (plain && o.covariance_weight > 0.0).then(|| libm::exp(refined.merit / o.covariance_weight))
     }
 }

@@ -113,20 +113,20 @@ impl RootSearch<'_> {
     fn narrow(&self, longest: Candidate) -> Result<Candidate> {
         let platform = self.evaluator.platform();
         let shortest_s = platform.shortest_dwell_s();
-        let log_ratio = |c: &Candidate| c.criterion.max(f64::MIN_POSITIVE).ln();
-        let mut high = (self.problem.total_time_s.ln(), log_ratio(&longest));
+        let log_ratio = |c: &Candidate| libm::log(c.criterion.max(f64::MIN_POSITIVE));
+        let mut high = (libm::log(self.problem.total_time_s), log_ratio(&longest));
         let mut best = longest;
         // Until something fails, a line of slope −POWER stands for the other end.
         let mut low: Option<(f64, f64)> = None;
         for _ in 0..STEPS {
-            if self.stop() || low.is_some_and(|low| (high.0 - low.0).exp() - 1.0 < WIDTH) {
+            if self.stop() || low.is_some_and(|low| libm::exp(high.0 - low.0) - 1.0 < WIDTH) {
                 break;
             }
             let guess = match low {
                 None => high.0 + high.1 / POWER - 0.01,
                 Some(low) => low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1),
             };
-            let total_time_s = guess.exp().max(shortest_s);
+            let total_time_s = libm::exp(guess).max(shortest_s);
             let starts = (self.problem.starts / 4).max(4);
             let warm = [best.plan.clone()];
             match self.point(total_time_s, starts, &warm) {
@@ -143,7 +143,7 @@ impl RootSearch<'_> {
                 Err(e) if e.is_infeasible() || e.is_numerical() => low = Some((guess, 1.0)),
                 Err(e) => return Err(e),
             }
-            if guess <= shortest_s.ln() {
+            if guess <= libm::log(shortest_s) {
                 break;
             }
         }
@@ -209,7 +209,7 @@ impl RootSearch<'_> {
                 Some((ratio, schedule)) if ratio <= 1.0 => {
                     best = Some(schedule);
                     shortest_s = trial_s;
-                    trial_s *= ratio.powf(1.0 / POWER);
+                    trial_s *= libm::pow(ratio, 1.0 / POWER);
                 }
                 // Half of the way back to what is known to do.
                 _ if best.is_some() => trial_s = 0.5 * (trial_s + shortest_s),
@@ -272,7 +272,7 @@ impl RootSearch<'_> {
         let (mut t, mut ratio) = (self.problem.total_time_s, longest.criterion);
         let mut plan = longest.plan.clone();
         while ratio > 1.0 && !self.stop() {
-            t *= ratio.powf(1.0 / POWER).max(1.02);
+            t *= libm::pow(ratio, 1.0 / POWER).max(1.02);
             if t > limit {
                 return None;
             }

@@ -110,11 +110,9 @@ impl TurningVariables<'_> {
             for angles in ends {
                 x.extend((0..3).map(|axis| self.maps[axis].variable(angles[axis])));
             }
-            x.push(
-                (duration - shortest_s)
-                    .max(0.1 * self.platform.period_s)
-                    .ln(),
-            );
+            x.push(libm::log(
+                (duration - shortest_s).max(0.1 * self.platform.period_s),
+            ));
         }
         x
     }

@@ -127,14 +127,14 @@ impl AngleMap {
     pub fn angle(self, u: f64) -> f64 {
         match self {
             Self::Free => u,
-            Self::Limited { middle, half } => middle + half * u.sin(),
+            Self::Limited { middle, half } => middle + half * libm::sin(u),
         }
     }
 
     pub fn slope(self, u: f64) -> f64 {
         match self {
             Self::Free => 1.0,
-            Self::Limited { half, .. } => half * u.cos(),
+            Self::Limited { half, .. } => half * libm::cos(u),
         }
     }
 
@@ -143,7 +143,7 @@ impl AngleMap {
             Self::Free => angle,
             // Not quite to the end of the range: the slope is zero there and would hold it.
             Self::Limited { middle, half } if half > 0.0 => {
-                ((angle - middle) / half).clamp(-0.9999, 0.9999).asin()
+                libm::asin(((angle - middle) / half).clamp(-0.9999, 0.9999))
             }
             Self::Limited { .. } => 0.0,
         }
@@ -197,7 +197,7 @@ impl<'a> Variables<'a> {
             }
             // A dwell at the minimum has z = −∞; a period stands in for zero.
             let above = (dwell - min_dwell_s).max(0.1 * self.platform.period_s());
-            x.push(above.ln());
+            x.push(libm::log(above));
         }
         x
     }
@@ -322,8 +322,9 @@ pub(super) fn add_move_times(
 pub(super) fn shares(x: &[f64], width: usize) -> impl Iterator<Item = f64> + '_ {
     let z = move |c: &[f64]| c[width - 1];
     let top = x.chunks_exact(width).map(z).fold(f64::MIN, f64::max);
-    let sum: f64 = x.chunks_exact(width).map(|c| (z(c) - top).exp()).sum();
-    x.chunks_exact(width).map(move |c| (z(c) - top).exp() / sum)
+    let sum: f64 = x.chunks_exact(width).map(|c| libm::exp(z(c) - top)).sum();
+    x.chunks_exact(width)
+        .map(move |c| libm::exp(z(c) - top) / sum)
 }
 
 /// An angle as a person would give it: unlimited axes in (−180°, 180°].

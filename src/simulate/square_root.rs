@@ -91,7 +91,7 @@ impl SquareRoot {
             if f == 0.0 {
                 continue;
             }
-            let rho = s.hypot(f);
+            let rho = libm::hypot(s, f);
             let (cos, sin) = (s / rho, f / rho);
             for j in k..STATES {
                 let (a, b) = (m[j], row[j]);

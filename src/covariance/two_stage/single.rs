@@ -74,7 +74,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     }
     #[inline(always)]
     fn alpha(&self, leg: usize) -> (f64, f64) {
-        self.timeline.legs()[leg].position.alpha.sin_cos()
+        libm::sincos(self.timeline.legs()[leg].position.alpha)
     }
     #[inline(always)]
     fn rotates(&self, _: usize) -> bool {

@@ -388,7 +388,9 @@ impl Panel {
         let y = match (self.y_range, self.y_scale) {
             (Some(range), _) => range,
             (None, Scale::Linear) => loose(extent(shown)),
-            (None, Scale::Log) => loose(extent(shown.map(f64::log10))).map(|v| 10.0_f64.powf(v)),
+            (None, Scale::Log) => {
+                loose(extent(shown.map(libm::log10))).map(|v| libm::pow(10.0_f64, v))
+            }
         };
         (wide(x), wide(y))
     }
@@ -450,7 +452,8 @@ fn wide([low, high]: [f64; 2]) -> [f64; 2] {
 
 /// The text of a tick on an axis of that length: as many decimals as neighbours differ in.
 fn tick(value: f64, length: f64) -> String {
-    let decimals = (2.0 - (length.abs() / TICKS as f64).log10().ceil()).clamp(0.0, 12.0) as usize;
+    let decimals =
+        (2.0 - libm::log10(length.abs() / TICKS as f64).ceil()).clamp(0.0, 12.0) as usize;
     let value = if value.abs() < 1e-9 * length.abs() {
         0.0
     } else {

@@ -38,7 +38,7 @@ fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
         true => (((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / squared).clamp(0.0, 1.0),
         false => 0.0,
     };
-    f64::hypot(p[0] - a[0] - along * dx, p[1] - a[1] - along * dy)
+    libm::hypot(p[0] - a[0] - along * dx, p[1] - a[1] - along * dy)
 }
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ impl Half {
         if depth < -1e-9 {
             return None;
         }
-        let across = f64::hypot(x, y);
+        let across = libm::hypot(x, y);
         let radius = RADIUS * (1.0 - depth).max(0.0).sqrt();
         let unit = match across > 1e-12 {
             true => [x / across, y / across],
@@ -82,7 +82,7 @@ fn draw_half(area: &Area, ink: &Ink, half: Half, subject: &Subject) -> Drawn {
     let circle = |r: f64, color| Circle::new(centre, units(r), line(color, 1.0));
     // 30° and 60° from the middle.
     for deg in [30.0_f64, 60.0] {
-        let r = RADIUS * (1.0 - deg.to_radians().cos()).sqrt();
+        let r = RADIUS * (1.0 - libm::cos(deg.to_radians())).sqrt();
         area.draw(&circle(r, GRID))?;
     }
     for axis in [[1.0, 0.0], [0.0, 1.0]] {
