@@ -358,31 +358,40 @@ mod tests {
 
     #[test]
     fn an_exchange_is_the_timeline_of_the_exchanged_positions() {
-        for (start, returns) in [(None, false), (None, true), (Some([5.0; 3]), true)] {
+        for (start, returns, measured) in [
+            (None, false, false),
+            (None, true, true),
+            (None, true, false),
+            (Some([5.0; 3]), true, false),
+        ] {
             let platform = platform(|c| {
                 c.motion.slew_rate_deg_per_s = Some(0.7);
                 c.motion.settle_s = 30.0;
+                c.motion.measure_moves = measured;
                 c.motion.start_deg = start;
                 c.motion.return_to_start = returns;
             });
             let of =
                 |angle: f64| ScheduledPosition::new(Position::from_deg(angle, 20.0, -angle), 300.0);
-            let positions = [of(10.0), of(-80.0), of(150.0), of(60.0)];
+            let all = [of(10.0), of(-80.0), of(150.0), of(60.0)];
             let whole = |p: &[ScheduledPosition]| Timeline::unchecked(&platform, p.iter().copied());
-            let before = whole(&positions);
-            for k in 0..positions.len() {
-                let place = Position::from_deg(-33.0, 50.0, 7.0);
-                let mut exchanged = positions;
-                exchanged[k].position = place;
-                let after = whole(&exchanged);
-                let (part, more_s) = before.exchange(&platform, k, place);
-                let at = before.positions().start + k;
-                assert_eq!(part, after.part(at..at + 1));
-                let expected_s = after.total_time_s() - before.total_time_s();
-                assert!(
-                    (more_s - expected_s).abs() < 1e-9,
-                    "{k}: {more_s} {expected_s}"
-                );
+            // One position alone, then more of them.
+            for positions in (1..=all.len()).map(|n| &all[..n]) {
+                let before = whole(positions);
+                for k in 0..positions.len() {
+                    let place = Position::from_deg(-33.0, 50.0, 7.0);
+                    let mut exchanged = positions.to_vec();
+                    exchanged[k].position = place;
+                    let after = whole(&exchanged);
+                    let (part, more_s) = before.exchange(&platform, k, place);
+                    let at = before.positions().start + k;
+                    assert_eq!(part, after.part(at..at + 1));
+                    let expected_s = after.total_time_s() - before.total_time_s();
+                    assert!(
+                        (more_s - expected_s).abs() < 1e-9,
+                        "{k}: {more_s} {expected_s}"
+                    );
+                }
             }
         }
     }
@@ -442,6 +451,8 @@ mod tests {
             let t = Timeline::new(&p, &s).unwrap();
             assert_eq!(t.position_legs().len(), 2);
             assert_eq!(t.position_legs()[1].position, s.positions()[1].position);
+            let dwells = 200.0;
+            assert!((t.overhead_s() + dwells - t.total_time_s()).abs() < 1e-9);
             t.total_time_s()
         };
         // Two dwells, 60° at 0.5 °/s and a settle.
@@ -453,6 +464,35 @@ mod tests {
         let start = Some([0.0; 3]);
         assert!((total(start, false) - (plain + 60.0 + 30.0)).abs() < 1e-9);
         assert!((total(start, true) - (plain + 60.0 + 30.0 + 160.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_is_measured_on_the_way_back() {
+        let p = platform(|c| {
+            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.measure_moves = true;
+            c.motion.return_to_start = true;
+        });
+        let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
+        let t = Timeline::new(&p, &s).unwrap();
+        let measured = |leg: &Leg| leg.arrival.map(|m| m.measured);
+        let all: Vec<Option<bool>> = t.legs().iter().map(measured).collect();
+        assert_eq!(all, [None, Some(true), Some(false)]);
+    }
+
+    #[test]
+    fn what_was_done_before_counts_as_overhead() {
+        let p = platform(|c| {
+            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.settle_s = 30.0;
+        });
+        let done = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
+        let rest = schedule(&[[10.0, 20.0, 20.0]]);
+        let p = p.interrupted_after(done).unwrap();
+        let t = Timeline::new(&p, &rest).unwrap();
+        // Two dwells of 100 s, two moves of 60° with a settle each; then the one dwell left.
+        assert!((t.overhead_s() - (200.0 + 2.0 * (120.0 + 30.0))).abs() < 1e-9);
+        assert!((t.total_time_s() - t.overhead_s() - 100.0).abs() < 1e-9);
     }
 
     #[test]
@@ -473,9 +513,15 @@ mod tests {
 
         let mut positions = schedule(&[[0.0; 3], [30.0, 0.0, 0.0]]).positions().to_vec();
         positions[1].move_s = Some(29.0);
-        let fast = Schedule::new(positions).unwrap();
+        let fast = Schedule::new(positions.clone()).unwrap();
         let error = Timeline::new(&p, &fast).unwrap_err();
         assert_eq!(error.key(), Some("positions[1].move_s"));
+        // 30° at 1 °/s, and a little slower.
+        for enough in [30.0, 30.001] {
+            positions[1].move_s = Some(enough);
+            let schedule = Schedule::new(positions.clone()).unwrap();
+            assert!(Timeline::new(&p, &schedule).is_ok());
+        }
         let hold = platform(|c| c.motion.repositioning = Repositioning::FrameHold);
         assert!(Timeline::new(&hold, &fast).unwrap_err().is_input());
     }

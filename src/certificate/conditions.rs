@@ -136,3 +136,31 @@ impl Cells {
         self.per_cell > 1.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+
+    #[test]
+    fn the_prior_with_equal_inputs_is_a_majorant_of_the_prior() {
+        let mut config = PlatformConfig::default();
+        config.prior.g_sensitive_drift_deg_per_h_per_g =
+            GSensitivePrior::All(AxisValue::PerAxis([8.0, 2.0, 5.0]));
+        let conditions = Conditions::new(&config.check().unwrap());
+        let prior = conditions.prior_information();
+        let equal = conditions.decoupled_prior_information();
+        for c in DriftCoefficient::ALL {
+            let i = c.index();
+            let sigma = conditions.prior_sigma[i];
+            assert!((prior[i] * sigma * sigma - 1.0).abs() < 1e-12);
+            // The best of the three is σ = 2 °/h/g.
+            let expected = match c.kind() {
+                DriftKind::Input => 0.25,
+                _ => prior[i],
+            };
+            assert!((equal[i] / expected - 1.0).abs() < 1e-9, "{}", c.name());
+            assert!(equal[i] >= prior[i] * (1.0 - 1e-9));
+        }
+    }
+}

@@ -352,4 +352,123 @@ mod tests {
         let uneven = directions(|c| c.gimbals.step_deg = Some(7.0));
         assert!(is_everything(&uneven));
     }
+
+    /// On a coarse grid, whose gaps and bands are wide: ranges at the rings' poles, across ±180°,
+    /// narrow and wide ones, all the way into their corners.
+    #[test]
+    fn the_marks_hold_every_allowed_direction_of_any_stand() {
+        let sphere = Sphere::new(0.2);
+        for ranges in [
+            [[-30.0, 50.0], [-20.0, 60.0], [-40.0, 100.0]],
+            [[80.0, 100.0], [-10.0, 10.0], [-180.0, -150.0]],
+            [[-100.0, -60.0], [70.0, 110.0], [150.0, 210.0]],
+            [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]],
+            [[-5.0, 5.0], [-170.0, 170.0], [0.0, 20.0]],
+            [[100.0, 300.0], [-3.0, 3.0], [-90.0, -60.0]],
+        ] {
+            let mut config = PlatformConfig::default();
+            config.gimbals.alpha_deg = Some(ranges[0]);
+            config.gimbals.beta_deg = Some(ranges[1]);
+            config.gimbals.gamma_deg = Some(ranges[2]);
+            let platform = config.check().unwrap();
+            let marks = marked(&sphere, 0.2, platform.gimbals());
+            let grid = sphere.directions.iter().zip(&marks);
+            let kept: Vec<&Vector3<f64>> = grid.filter(|(_, m)| **m).map(|(d, _)| d).collect();
+            let mut allowed = Vec::new();
+            for i in 0..4000 {
+                // Beyond both ends and cut: a good part lies in faces, edges and corners.
+                let angle = |axis: usize, k: f64| {
+                    let [low, high] = ranges[axis];
+                    let part = (1.5 * fraction(i, k) - 0.25).clamp(0.0, 1.0);
+                    low + (high - low) * part
+                };
+                let [a, b] = [angle(0, 0.819_172_513), angle(1, 0.671_043_607)];
+                let c = angle(2, 0.549_700_478);
+                allowed.push(Position::from_deg(a, b, c).attitude().gravity_c());
+            }
+            for g in &allowed {
+                let nearest = kept.iter().map(|d| d.dot(g)).fold(-1.0, f64::max);
+                assert!(
+                    nearest.min(1.0).acos() <= sphere.radius + 1e-7,
+                    "{ranges:?}"
+                );
+            }
+            // What is marked is not far from something allowed: the grid's radius, the samples'
+            // spacing and a ring's step at most.
+            for d in kept {
+                let nearest = allowed.iter().map(|g| d.dot(g)).fold(-1.0, f64::max);
+                assert!(nearest.min(1.0).acos() <= 0.75, "{ranges:?} {d}");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_leave_no_angle_of_a_range_uncovered() {
+        let deg = f64::to_radians;
+        let range = |low: f64, high: f64| {
+            let (low_rad, high_rad) = (deg(low), deg(high));
+            Some(GimbalRange { low_rad, high_rad })
+        };
+        for (range, low, width) in [
+            (range(-70.0, 35.0), deg(-70.0), deg(105.0)),
+            (range(10.0, 10.0), deg(10.0), 0.0),
+            (range(-400.0, 400.0), 0.0, TAU),
+            (range(-180.0, 180.0), 0.0, TAU),
+            (None, 0.0, TAU),
+        ] {
+            let (values, half) = samples(range, 0.1);
+            assert!(half <= 0.05);
+            for i in 0..=500 {
+                let angle = low + width * f64::from(i) / 500.0;
+                let gap = values.iter().map(|v| (v - angle).abs());
+                assert!(gap.fold(f64::INFINITY, f64::min) <= half + 1e-12);
+            }
+            let inside = |v: &f64| *v >= low && *v <= low + width;
+            assert!(values.iter().all(inside) && values.len() as f64 <= width / 0.1 + 1.0);
+        }
+    }
+
+    #[test]
+    fn a_table_has_the_multiples_of_its_step_within_the_ranges() {
+        let of = |range: Option<[f64; 2]>, step: f64| {
+            let range = range.map(|[low, high]| GimbalRange {
+                low_rad: low.to_radians(),
+                high_rad: high.to_radians(),
+            });
+            let all = multiples(range, step.to_radians()).into_iter();
+            all.map(|v| v.to_degrees().round()).collect::<Vec<f64>>()
+        };
+        assert_eq!(
+            of(Some([-20.0, 55.0]), 15.0),
+            [-15.0, 0.0, 15.0, 30.0, 45.0]
+        );
+        assert_eq!(
+            of(Some([-30.0, 45.0]), 15.0),
+            [-30.0, -15.0, 0.0, 15.0, 30.0, 45.0]
+        );
+        assert_eq!(of(Some([170.0, 200.0]), 10.0), [170.0, 180.0, 190.0, 200.0]);
+        assert!(of(Some([16.0, 29.0]), 15.0).is_empty());
+        assert_eq!(of(None, 90.0), [0.0, 90.0, 180.0, 270.0]);
+        assert_eq!(of(None, 50.0).len(), LARGEST_TABLE + 1);
+        assert_eq!(of(Some([0.0, 360.0]), 0.001).len(), LARGEST_TABLE + 1);
+        // Within limits: 3 · 2 · 2 positions, all of them different attitudes.
+        let stand = directions(|c| {
+            c.gimbals.step_deg = Some(15.0);
+            c.gimbals.alpha_deg = Some([-15.0, 20.0]);
+            c.gimbals.beta_deg = Some([0.0, 15.0]);
+            c.gimbals.gamma_deg = Some([50.0, 75.0]);
+        });
+        let Allowed::Table(attitudes) = &stand.allowed else {
+            panic!("a table is listed");
+        };
+        assert_eq!(attitudes.len(), 12);
+        for attitude in attitudes {
+            let deg = attitude.position().to_deg();
+            assert!(
+                deg.iter()
+                    .all(|v| (v / 15.0 - (v / 15.0).round()).abs() < 1e-9)
+            );
+            assert!(deg[0] > -16.0 && deg[0] < 16.0 && deg[2] > 59.0 && deg[2] < 76.0);
+        }
+    }
 }

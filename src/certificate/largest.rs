@@ -281,3 +281,100 @@ impl Grouped {
         q
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::directions::Sphere;
+
+    const DELTA: [f64; 3] = [1.0, 0.4, 1.6];
+
+    /// B of rank two, another one for each number.
+    fn matrix(k: usize) -> CoefficientMatrix {
+        let entry = |i: usize, c: usize| ((i + 1) as f64 * (k as f64 + 1.7) * (c + 2) as f64).sin();
+        let root = nalgebra::SMatrix::<f64, 12, 2>::from_fn(entry);
+        root * root.transpose()
+    }
+
+    fn phi(attitude: &Attitude, b: &CoefficientMatrix) -> f64 {
+        let a = drift_matrix(attitude);
+        (0..3)
+            .map(|i| DELTA[i] * (a.row(i) * b).dot(&a.row(i)))
+            .sum()
+    }
+
+    /// The largest φ over headings at directions within `reach` of one of `near`, from below.
+    fn seen(near: &[Vector3<f64>], reach: f64, b: &CoefficientMatrix) -> f64 {
+        let fine = Sphere::new(0.06).directions;
+        let allowed = |g: &&Vector3<f64>| near.iter().any(|n| n.dot(g) >= reach.cos());
+        let headings = (0..12).map(|h| f64::from(h) * std::f64::consts::PI / 12.0);
+        fine.iter()
+            .filter(allowed)
+            .flat_map(|g| headings.clone().map(move |h| (g, h)))
+            .filter_map(|(g, h)| Attitude::with_gravity_along(*g, h))
+            .map(|attitude| phi(&attitude, b))
+            .fold(0.0, f64::max)
+    }
+
+    /// On coarse grids, where what may lie between their points is a good part of φ.
+    #[test]
+    fn nothing_between_the_points_of_a_coarse_grid_is_above_the_bound() {
+        let sphere = Sphere::new(0.25);
+        let free = Directions {
+            sphere: sphere.clone(),
+            allowed: Allowed::Everything,
+        };
+        // A cap, which leaves maxima on its edge.
+        let middle = Vector3::new(0.48, -0.6, 0.64);
+        let all = sphere.directions.iter().copied();
+        let cap: Vec<Vector3<f64>> = all.filter(|g| g.dot(&middle) > 0.8).collect();
+        let limited = Directions {
+            allowed: Allowed::Cover {
+                directions: cap.clone(),
+                radius: sphere.radius,
+            },
+            sphere: sphere.clone(),
+        };
+        for k in 0..12 {
+            let b = matrix(k);
+            for (directions, near) in [(&free, &sphere.directions), (&limited, &cap)] {
+                let attitudes = Attitudes::new(directions, DELTA);
+                let most = seen(near, sphere.radius, &b);
+                let bound = attitudes.peak(&b, true).value;
+                let grid = attitudes.peak(&b, false);
+                assert!(most <= bound, "{k}: {most} {bound}");
+                assert!(bound <= 2.5 * most, "{k}: {most} {bound}");
+                // What was seen on the grid was seen at the places handed back, the highest first.
+                let at: Vec<f64> = grid.places.iter().map(|a| phi(a, &b)).collect();
+                assert!((at[0] / grid.value - 1.0).abs() < 1e-12);
+                assert!(at.windows(2).all(|w| w[0] >= w[1]));
+                assert!(at.iter().all(|v| *v > HIGH * at[0]));
+            }
+        }
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_steepest_way() {
+        let directions = Directions {
+            sphere: Sphere::new(0.5),
+            allowed: Allowed::Everything,
+        };
+        let attitudes = Attitudes::new(&directions, DELTA);
+        for (k, g) in directions.sphere.directions.iter().enumerate() {
+            let grouped = Grouped::new(&matrix(k));
+            let (e1, e2) = plane(g);
+            let mean = |angle: f64, step: f64| {
+                let way = e1 * angle.cos() + e2 * angle.sin();
+                attitudes
+                    .value(&grouped, &(g * step.cos() + way * step.sin()))
+                    .mean
+            };
+            let steepest = (0..720)
+                .map(|i| f64::from(i) * std::f64::consts::PI / 360.0)
+                .map(|angle| (mean(angle, 1e-4) - mean(angle, -1e-4)) / 2e-4)
+                .fold(0.0, f64::max);
+            let slope = attitudes.slope(&grouped, g);
+            assert!((slope - steepest).abs() < 1e-3 * (1.0 + steepest), "{k}");
+        }
+    }
+}

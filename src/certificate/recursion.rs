@@ -245,3 +245,34 @@ pub(super) fn isotropic_holds(recursion: &Recursion, delta: f64) -> bool {
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::PlatformConfig;
+
+    #[test]
+    fn the_noise_of_an_axis_is_what_the_earth_turns_it_to() {
+        let platform = PlatformConfig::default().check().unwrap();
+        let conditions = Conditions::new(&platform);
+        for length in [0.01, 10.0, 700.0, 6000.0] {
+            let found = noise_integrals(&conditions, length);
+            const POINTS: usize = 20_000;
+            for (axis, integral) in found.iter().enumerate() {
+                let mut sum = Matrix3::zeros();
+                for i in 0..POINTS {
+                    let time = (i as f64 + 0.5) / POINTS as f64 * length;
+                    let column = conditions
+                        .dynamics
+                        .transition(time)
+                        .column(axis)
+                        .into_owned();
+                    sum += column * column.transpose() * (length / POINTS as f64);
+                }
+                assert!((integral - sum).amax() < 1e-8 * length, "{length} {axis}");
+                // A rotation keeps lengths.
+                assert!((integral.trace() / length - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -127,3 +127,228 @@ impl Sharing {
         conditions.noise_variance * (1.0 - share) - spent
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::attitude::UP;
+    use crate::platform::PlatformConfig;
+
+    /// Points of the quadrature over a cell.
+    const POINTS: usize = 200;
+
+    fn setting(latitude_deg: f64, period_s: f64) -> (Conditions, Cells) {
+        let mut config = PlatformConfig::default();
+        config.site.latitude_deg = latitude_deg;
+        config.filter.period_s = period_s;
+        let conditions = Conditions::new(&config.check().unwrap());
+        let cells = Cells::new(&conditions, 12.0 * period_s).unwrap();
+        (conditions, cells)
+    }
+
+    /// A unit jump at θ of the way through the cell, shared out by the rule of
+    /// `docs/certificate.md`: the corrections d₀, d₁, and e over the cell.
+    struct Shared {
+        corrections: [Vector3<f64>; 2],
+        error: Vec<Vector3<f64>>,
+        /// e without the part that does not need the Earth's rotation.
+        turn: Vec<Vector3<f64>>,
+    }
+
+    fn share(conditions: &Conditions, length: f64, jump: Vector3<f64>, theta: f64) -> Shared {
+        let back = |t: f64| conditions.dynamics.transition(t).transpose();
+        let time = theta * length;
+        let first = back(time) * jump - jump * (1.0 - theta) - back(length) * jump * theta;
+        let second = back(-length) * first;
+        let (mut error, mut turn) = (Vec::new(), Vec::new());
+        for i in 0..POINTS {
+            let s = (i as f64 + 0.5) / POINTS as f64 * length;
+            let mut e = -theta * (back(length - s) * (jump + second));
+            let mut plain = -theta;
+            if s < time {
+                e += back(time - s) * jump;
+                plain += 1.0;
+            }
+            error.push(e);
+            turn.push(e - jump * plain);
+        }
+        Shared {
+            corrections: [first, second],
+            error,
+            turn,
+        }
+    }
+
+    /// Horizontal unit jumps at places all over the cell.
+    fn jumps() -> impl Iterator<Item = (Vector3<f64>, f64)> {
+        (0..12).flat_map(|i| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::PI / 6.0).sin_cos();
+            let places = (1..20).map(|k| 0.05 * f64::from(k));
+            places.map(move |theta| (Vector3::new(cos, 0.0, sin), theta))
+        })
+    }
+
+    fn settings() -> Vec<(Conditions, Cells)> {
+        [
+            (28.2, 10.0),
+            (28.2, 1000.0),
+            (-75.0, 600.0),
+            (0.0, 300.0),
+            (60.0, 100.0),
+        ]
+        .map(|(latitude, period)| setting(latitude, period))
+        .into()
+    }
+
+    #[test]
+    fn a_jump_shared_out_changes_no_more_than_its_bounds() {
+        for (conditions, cells) in settings() {
+            let length = cells.length_s;
+            let bounds = Sharing::new(&conditions, &cells);
+            let (mut largest, mut largest_up) = (0.0_f64, 0.0_f64);
+            for (jump, theta) in jumps() {
+                let shared = share(&conditions, length, jump, theta);
+                for d in shared.corrections {
+                    largest = largest.max(d.norm());
+                    largest_up = largest_up.max(d[UP].abs());
+                }
+                let integral: Vector3<f64> = shared.error.iter().sum();
+                let integral = integral[UP].abs() * length / POINTS as f64;
+                assert!(integral <= bounds.integral_up);
+                for (e, turn) in shared.error.iter().zip(&shared.turn) {
+                    assert!(e[UP].abs() <= bounds.inside_up * (1.0 + 1e-9));
+                    assert!(turn.norm() <= bounds.inside_turn);
+                }
+            }
+            let slack = 1.0 + 1e-9;
+            assert!(largest <= bounds.correction * slack && largest > 0.9 * bounds.correction);
+            assert!(largest_up <= bounds.correction_up * slack);
+            // Only the horizontal part of the Earth's rate turns a jump upwards, and of a jump
+            // that it turns, the vertical part of the rate has its share.
+            let up = conditions.omega_up / conditions.omega;
+            assert!(largest_up >= 0.9 * up * bounds.correction_up);
+        }
+    }
+
+    /// Section 3, (1): what λ_true = λ_grid + e costs with the weight N = Δ⁻¹ − q, beyond κ of
+    /// ∫ λ_gridᵀ Δ⁻¹ λ_grid, is no more than what is taken off r².
+    #[test]
+    fn what_is_taken_off_the_noise_pays_for_sharing_out() {
+        for (conditions, cells) in settings() {
+            let bounds = Sharing::new(&conditions, &cells);
+            let psd = conditions.drift_psd;
+            for relative in [[1.05, 7.0, 1.05], [3.0, 3.0, 1.2], [1.0, 40.0, 2.0]] {
+                for kappa in [1e-4, 1e-2, 0.3] {
+                    let inverse = relative.map(|r| r * psd);
+                    let left = bounds.left_over(&conditions, &cells, &inverse, kappa);
+                    let kept = conditions.noise_variance * (1.0 - TRACE_SHARE * kappa);
+                    let taken = (kept - left) / cells.per_cell;
+                    let weight = inverse.map(|d| d - psd);
+                    let worst = worst_cost(&conditions, &cells, weight, inverse, kappa);
+                    assert!(worst <= taken, "{relative:?} {kappa}: {worst} {taken}");
+                }
+            }
+        }
+    }
+
+    /// The same where the process noise is the weight, for the bound on the trace.
+    #[test]
+    fn what_is_taken_off_the_noise_pays_for_the_bound_on_the_trace() {
+        for (conditions, cells) in settings() {
+            let bounds = Sharing::new(&conditions, &cells);
+            let psd = [conditions.drift_psd; 3];
+            for kappa in [1e-4, 1e-2, 0.3] {
+                let left = bounds.left_over_of_noise(&conditions, &cells, kappa, 0.1);
+                let taken = (conditions.noise_variance * 0.9 - left) / cells.per_cell;
+                let mut worst = 0.0_f64;
+                for (jump, theta) in jumps() {
+                    let shared = share(&conditions, cells.length_s, jump, theta);
+                    let cost = cross_cost(&conditions, &cells, &shared, psd, psd, kappa);
+                    worst = worst.max(cost);
+                }
+                assert!(worst <= taken, "{kappa}: {worst} {taken}");
+            }
+        }
+    }
+
+    /// The trace's integral a = ∫ cᵀλ changes by at most δ; σ²δ² is paid for by its share of the
+    /// noise, and by the smallest information in the bound on the trace.
+    #[test]
+    fn the_integral_of_the_trace_is_paid_for() {
+        for (conditions, cells) in settings() {
+            let bounds = Sharing::new(&conditions, &cells);
+            let largest = jumps()
+                .map(|(jump, theta)| {
+                    let shared = share(&conditions, cells.length_s, jump, theta);
+                    let integral: Vector3<f64> = shared.error.iter().sum();
+                    integral[UP].abs() * cells.length_s / POINTS as f64
+                })
+                .fold(0.0, f64::max);
+            // (Σ |c_k| δ/√3)² ≤ n Σ|c_k|² δ²/3, the worst being equal jumps.
+            let cost = largest * largest / 3.0 * cells.measurements;
+            for kappa in [1e-4, 1e-2] {
+                let paid = TRACE_SHARE * kappa * conditions.noise_variance;
+                let granted = bounds.trace_variance(&conditions, &cells, 1e30, kappa);
+                assert!(granted * cost <= paid && granted * cost > 1e-2 * paid);
+                let wanted = 0.5 * granted;
+                assert_eq!(
+                    bounds.trace_variance(&conditions, &cells, wanted, kappa),
+                    wanted
+                );
+                // (a + δ)² ≤ (1 + κ) a² + (1 + 1/κ) δ².
+                for share in [1e-3, 0.1] {
+                    let least = bounds.least_trace_information(&conditions, &cells, kappa, share);
+                    let exact = (1.0 + 1.0 / kappa) * cost / (share * conditions.noise_variance);
+                    assert!(least >= exact && least < 100.0 * exact);
+                }
+            }
+        }
+    }
+
+    fn worst_cost(
+        conditions: &Conditions,
+        cells: &Cells,
+        weight: [f64; 3],
+        inverse: [f64; 3],
+        kappa: f64,
+    ) -> f64 {
+        let step = cells.length_s / POINTS as f64;
+        let mut worst = 0.0_f64;
+        for (jump, theta) in jumps() {
+            let shared = share(conditions, cells.length_s, jump, theta);
+            let square = |e: &Vector3<f64>| {
+                let terms = e.iter().zip(&weight);
+                terms.map(|(e, w)| e * e * w.max(0.0)).sum::<f64>()
+            };
+            let own: f64 = shared.error.iter().map(square).sum::<f64>() * step;
+            let cross = cross_cost(conditions, cells, &shared, weight, inverse, kappa);
+            worst = worst.max(own + cross);
+        }
+        worst
+    }
+
+    /// The largest 2 ∫ λᵀNe − κ ∫ λᵀWλ over the λ that a grid can have inside a cell: a constant
+    /// that the Earth turns, of any direction and size.
+    fn cross_cost(
+        conditions: &Conditions,
+        cells: &Cells,
+        shared: &Shared,
+        weight: [f64; 3],
+        inverse: [f64; 3],
+        kappa: f64,
+    ) -> f64 {
+        let step = cells.length_s / POINTS as f64;
+        let mut linear = Vector3::zeros();
+        let mut square = nalgebra::Matrix3::zeros();
+        for (i, e) in shared.error.iter().enumerate() {
+            let phi = conditions.dynamics.transition(-(i as f64 + 0.5) * step);
+            let n = nalgebra::Matrix3::from_diagonal(&Vector3::from(weight));
+            let w = nalgebra::Matrix3::from_diagonal(&Vector3::from(inverse));
+            linear += phi * n * e * step;
+            square += phi * w * phi.transpose() * step;
+        }
+        linear.dot(&(square.try_inverse().unwrap() * linear)) / kappa
+    }
+}

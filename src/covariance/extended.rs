@@ -396,3 +396,60 @@ fn solve_transposed<const N: usize, const C: usize>(
 fn add_roots(a: &Square, b: &Square) -> Square {
     transposed(&triangle(transposed(a).iter().chain(&transposed(b))))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covariance::TickRule;
+    use crate::platform::{PlatformConfig, Repositioning};
+    use crate::schedule::{Schedule, ScheduledPosition};
+
+    /// On an ordinary problem sixteen digits are enough: the same covariance, signs included, by
+    /// moves that take time or none, are measured or not, or turn ψ^n.
+    #[test]
+    fn doubles_and_numbers_of_32_digits_have_the_same_covariance() {
+        type Change = fn(&mut PlatformConfig);
+        let cases: [Change; 4] = [
+            |_| {},
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.9);
+                c.motion.measure_moves = true;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.9);
+                c.motion.settle_s = 37.0;
+                c.motion.start_deg = Some([5.0, -20.0, 60.0]);
+                c.motion.return_to_start = true;
+            },
+            |c| c.motion.repositioning = Repositioning::FrameHold,
+        ];
+        for (k, change) in cases.into_iter().enumerate() {
+            let mut config = PlatformConfig::default();
+            change(&mut config);
+            let platform = config.check().unwrap();
+            let positions = [
+                ([10.0, 20.0, 30.0], 604.0),
+                ([-80.0, 65.0, 140.0], 1300.0),
+                ([-80.0, 65.0, 140.0], 7.0),
+                ([150.0, -40.0, -75.0], 955.0),
+            ]
+            .map(|(a, dwell_s)| {
+                ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), dwell_s)
+            });
+            let timeline = Timeline::new(&platform, &Schedule::new(positions.into()).unwrap());
+            let timeline = timeline.unwrap();
+            let model = CovarianceModel::new(&platform);
+            let doubles = model.end_covariance(&timeline, TickRule::Filter).unwrap();
+            let extended = model.end_covariance_extended(&timeline).unwrap();
+            let (a, b) = (&doubles.coefficients, &extended.coefficients);
+            for i in 0..COEFFICIENTS {
+                for j in 0..COEFFICIENTS {
+                    let scale = (b[(i, i)] * b[(j, j)]).sqrt();
+                    assert!((a[(i, j)] - b[(i, j)]).abs() < 1e-9 * scale, "{k}: {i} {j}");
+                }
+            }
+            let difference = doubles.misalignment - extended.misalignment;
+            assert!(difference.amax() < 1e-9 * extended.misalignment.amax());
+        }
+    }
+}

@@ -438,6 +438,36 @@ mod tests {
         assert!((found / line - 1.0).abs() < 1e-3, "{found} for {line}");
     }
 
+    /// By inverting the information matrix of one dwell, its start unknown.
+    #[test]
+    fn the_weight_of_a_channel_is_one_by_its_sigma() {
+        for (latitude, periods) in [(0.49, 100), (1.3, 900)] {
+            let (table, dynamics) = table(latitude);
+            let j = textbook(&dynamics, periods).2;
+            // ψ_x, ψ_z, ε_x, η_z; then ε_y too. ψ_y is part of η_z.
+            let sigma = |unknown: &[usize], of: usize| {
+                let n = unknown.len();
+                let scale = |i: usize| j[(unknown[i], unknown[i])].sqrt();
+                let scaled = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+                    j[(unknown[a], unknown[b])] / (scale(a) * scale(b))
+                });
+                let inverse = scaled.try_inverse().unwrap();
+                inverse[(of, of)].sqrt() / scale(of)
+            };
+            let found = table.kernel(periods).channel_weights;
+            let order_1 = [NORTH, EAST, 3 + NORTH, 3 + EAST];
+            let order_2 = [NORTH, EAST, 3 + NORTH, 3 + EAST, 3 + UP];
+            for (axis, sigma) in [
+                (NORTH, sigma(&order_1, 2)),
+                (EAST, sigma(&order_1, 3)),
+                (UP, sigma(&order_2, 4)),
+            ] {
+                let ratio = found[axis] * sigma;
+                assert!((ratio - 1.0).abs() < 1e-5, "{latitude} {axis}: {ratio}");
+            }
+        }
+    }
+
     #[test]
     fn at_the_poles_the_vertical_channel_is_not_seen() {
         let (table, _) = table(std::f64::consts::FRAC_PI_2);

@@ -240,38 +240,78 @@ mod tests {
                 c.motion.return_to_start = return_to_start;
                 c.gimbals.gamma_deg = Some([-270.0, 270.0]);
             });
-            let positions = [
-                [10.0, 70.0, -160.0],
-                [170.0, 100.0, 20.0],
-                [-60.0, 85.0, 200.0],
-                [120.0, -95.0, -20.0],
-            ]
-            .map(|a| Position::from_deg(a[0], a[1], a[2]));
-            let length = |way: &[Position]| {
-                let mut stops = way.to_vec();
-                let home = platform.motion().start;
-                if return_to_start {
-                    stops.push(home.unwrap_or(way[0]));
-                }
-                if let Some(home) = home {
-                    stops.insert(0, home);
-                }
-                let moves = stops.windows(2).map(|w| distance(&platform, w[0], w[1]));
-                moves.sum::<f64>()
-            };
-            let mut ways: Vec<Vec<Position>> = vec![Vec::new()];
-            for p in positions {
-                let options = equivalent_positions(&platform, p);
-                ways = ways
-                    .iter()
-                    .flat_map(|w| options.iter().map(|o| [w.as_slice(), &[*o]].concat()))
+            let fraction = |i: usize, k: f64| (0.3 + i as f64 * k).fract();
+            for case in 0..20 {
+                let positions: Vec<Position> = (0..4)
+                    .map(|i| {
+                        let n = 4 * case + i;
+                        let angle = |k: f64, range: f64| range * (2.0 * fraction(n, k) - 1.0);
+                        let [alpha, gamma] = [0.618_034, 0.754_878].map(|k| angle(k, 180.0));
+                        Position::from_deg(alpha, angle(0.569_840, 130.0), gamma)
+                    })
                     .collect();
+                check_quickest(&platform, &positions);
             }
-            let least = ways.iter().map(|w| length(w)).fold(f64::INFINITY, f64::min);
-            let found = quickest_positions(&platform, &positions);
-            assert!((length(&found) - least).abs() < 1e-9);
-            assert!(least < length(&positions) - 0.1);
         }
+    }
+
+    fn check_quickest(platform: &Platform, positions: &[Position]) {
+        let motion = platform.motion();
+        let length = |way: &[Position]| {
+            let mut stops = way.to_vec();
+            if motion.return_to_start {
+                stops.push(motion.start.unwrap_or(way[0]));
+            }
+            if let Some(home) = motion.start {
+                stops.insert(0, home);
+            }
+            let moves = stops.windows(2).map(|w| distance(platform, w[0], w[1]));
+            moves.sum::<f64>()
+        };
+        let mut ways: Vec<Vec<Position>> = vec![Vec::new()];
+        for p in positions {
+            let options = equivalent_positions(platform, *p);
+            assert!(options.len() > 1);
+            ways = ways
+                .iter()
+                .flat_map(|w| options.iter().map(|o| [w.as_slice(), &[*o]].concat()))
+                .collect();
+        }
+        let least = ways.iter().map(|w| length(w)).fold(f64::INFINITY, f64::min);
+        let found = quickest_positions(platform, positions);
+        assert!((length(&found) - least).abs() < 1e-9);
+    }
+
+    #[test]
+    fn in_gimbal_lock_only_the_sum_or_difference_of_two_angles_counts() {
+        let free = platform(|_| {});
+        for (beta, sign) in [(90.0, 1.0), (-90.0, -1.0)] {
+            // The same attitude with α anywhere: no axis has to turn.
+            let there = Position::from_deg(40.0, beta, 10.0);
+            let same = Position::from_deg(0.0, beta, 10.0 - sign * 40.0);
+            let way = quickest_positions(&free, &[same, there]);
+            assert!(distance(&free, way[0], way[1]) < 1e-9, "{way:?}");
+        }
+        // Beside it all three count.
+        let beside = Position::from_deg(40.0, 89.0, 10.0);
+        assert_eq!(equivalent_positions(&free, beside).len(), 2);
+    }
+
+    #[test]
+    fn limited_axes_are_set_by_whole_turns() {
+        let wide = platform(|c| c.gimbals.alpha_deg = Some([-400.0, 400.0]));
+        let angles = |p: Position| {
+            let all = equivalent_positions(&wide, p).into_iter();
+            let mut alphas: Vec<f64> = all.map(|p| p.to_deg()[0].round()).collect();
+            alphas.sort_by(f64::total_cmp);
+            alphas
+        };
+        // α and α + 180°, each a turn on and a turn back as far as the range goes.
+        let all = angles(Position::from_deg(30.0, 20.0, 0.0));
+        assert_eq!(all, [-330.0, -150.0, 30.0, 210.0, 390.0]);
+        // Far outside, the lowest setting.
+        let far = angles(Position::from_deg(30.0 + 1800.0, 20.0, 0.0));
+        assert_eq!(far, [-330.0, -150.0]);
     }
 
     #[test]

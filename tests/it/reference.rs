@@ -1,9 +1,12 @@
 //! The kernel evaluator and the square-root filter against an independent dense Kalman filter.
 
-use scheme_opt::covariance::reference::step_by_step;
+use scheme_opt::attitude::Position;
+use scheme_opt::covariance::reference::{Moment, step_by_step};
 use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::drift::CoefficientVector;
 use scheme_opt::motion::Timeline;
+use scheme_opt::platform::{Platform, PlatformConfig};
+use scheme_opt::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::{ReferenceCase, reference_cases};
 
@@ -133,4 +136,115 @@ fn the_history_says_what_each_position_did() {
         }
     }
     assert!(improved.len() > 9 && improved.iter().any(|i| *i != improved[0]));
+}
+
+/// A test with a start attitude, moves that take time and end between two ticks, settles where
+/// nothing is measured, and a return.
+fn moving_test(measured: bool) -> (Platform, Timeline) {
+    let mut config = PlatformConfig::default();
+    config.motion.slew_rate_deg_per_s = Some(0.43);
+    config.motion.settle_s = 24.0;
+    config.motion.measure_moves = measured;
+    config.motion.start_deg = Some([0.0, 10.0, -20.0]);
+    config.motion.return_to_start = true;
+    let platform = config.check().unwrap();
+    let positions = [
+        ([0.0, 0.0, 0.0], 730.0),
+        ([95.0, 30.0, -60.0], 1245.0),
+        ([-170.0, -45.0, 80.0], 600.0),
+        ([60.0, 75.0, 10.0], 902.0),
+    ]
+    .map(|(a, dwell_s)| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), dwell_s));
+    let schedule = Schedule::new(positions.into()).unwrap();
+    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    (platform, timeline)
+}
+
+#[test]
+fn moves_are_followed_alike_by_kernels_and_filter() {
+    let sigmas = [false, true].map(|measured| {
+        let (platform, timeline) = moving_test(measured);
+        let model = CovarianceModel::new(&platform);
+        let kernels = model.end_covariance(&timeline, TickRule::Filter).unwrap();
+        let filter = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
+        let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
+        for (a, b) in a.iter().zip(b.iter()) {
+            assert_close("sigma", *a, *b, 1e-8);
+        }
+        let (a, b) = (
+            kernels.misalignment_sigma_arcsec(),
+            filter.misalignment_sigma_arcsec(),
+        );
+        for (a, b) in a.iter().zip(b.iter()) {
+            assert_close("misalignment", *a, *b, 1e-8);
+        }
+        kernels.sigma_deg_per_h()
+    });
+    // Measured moves tell something of every coefficient.
+    assert!(sigmas[1].iter().zip(sigmas[0].iter()).all(|(m, u)| m < u));
+}
+
+#[test]
+fn the_history_follows_the_test_from_start_to_end() {
+    use scheme_opt::covariance::history::HistoryRecorder;
+    let (platform, timeline) = moving_test(true);
+    let mut moments = Vec::new();
+    step_by_step(&platform, &timeline, &mut |m| moments.push(*m)).unwrap();
+    let end = moments.last().unwrap();
+    // What each coefficient has at some time is its specification; two have none, and one asks
+    // for more than the test gives.
+    let mut spec =
+        CoefficientVector::from_fn(|i, _| moments[(i + 4) * moments.len() / 20].sigma_deg_per_h[i]);
+    spec[3] = f64::INFINITY;
+    spec[8] = f64::INFINITY;
+    spec[5] = 0.5 * end.sigma_deg_per_h[5];
+    let mut recorder = HistoryRecorder::new(&timeline, Some(spec));
+    moments.iter().for_each(|m| recorder.observe(m));
+    let history = recorder.finish();
+
+    for (i, reached) in history.time_to_spec_s.iter().enumerate() {
+        if spec[i].is_infinite() || i == 5 {
+            assert_eq!(*reached, None);
+            continue;
+        }
+        // From then on within the specification, and not the moment before.
+        let reached = reached.unwrap();
+        let within = |m: &Moment| m.sigma_deg_per_h[i] <= spec[i];
+        let (before, after): (Vec<&Moment>, _) = moments.iter().partition(|m| m.time_s < reached);
+        assert!(after.iter().all(|m| within(m)) && !within(before.last().unwrap()));
+        assert_eq!(after[0].time_s, reached);
+    }
+
+    // Samples as they were, spread evenly, the last one the end.
+    let spacing_s = timeline.total_time_s() / 240.0;
+    let times = &history.times_s;
+    assert_eq!(times.len(), history.sigma_deg_per_h.len());
+    assert_eq!(
+        (times[0], times[times.len() - 1]),
+        (moments[0].time_s, end.time_s)
+    );
+    for (time, sigma) in times.iter().zip(&history.sigma_deg_per_h) {
+        let mut at = moments.iter().filter(|m| m.time_s == *time);
+        assert!(at.any(|m| m.sigma_deg_per_h == *sigma));
+    }
+    let period_s = 10.0;
+    for pair in times[..times.len() - 1].windows(2) {
+        let step = pair[1] - pair[0];
+        assert!(step >= spacing_s && step <= spacing_s + period_s + 1e-9);
+    }
+    assert!(times[times.len() - 1] > times[times.len() - 2]);
+
+    // One entry for each position, from the end of the one before it; the start attitude and the
+    // return are none.
+    let legs = timeline.position_legs();
+    assert_eq!(history.positions.len(), legs.len());
+    let mut clock = 0.0;
+    for (k, (p, leg)) in history.positions.iter().zip(legs).enumerate() {
+        assert_eq!(p.position, k);
+        // The first moment of a test is the first tick of its first move.
+        let late = if k == 0 { period_s } else { 1e-6 };
+        assert!((p.start_s - clock).abs() <= late, "{k}: {}", p.start_s);
+        clock += leg.duration_s();
+        assert!((p.end_s - clock).abs() < 1e-6, "{k}: {}", p.end_s);
+    }
 }
