@@ -416,6 +416,20 @@ fn worst_difference(problem: &Problem, found: &[f64], expected: &[f64]) -> f64 {
 }
 
 #[test]
+fn the_searches_covariance_is_that_of_square_roots() {
+    for (case, problem) in problems().iter().enumerate() {
+        let model = CovarianceModel::new(&problem.platform);
+        let timeline = problem.timeline(&problem.x);
+        let fast = model.end_covariance_by_gram(&timeline, problem.rule);
+        let root = model.end_covariance(&timeline, problem.rule);
+        let (fast, root) = (fast.unwrap(), root.unwrap());
+        let p = (fast.coefficients - root.coefficients).amax() / root.coefficients.amax();
+        let m = (fast.misalignment - root.misalignment).amax() / root.misalignment.amax();
+        assert!(p < 1e-9 && m < 1e-9, "case {case}: {p:e} {m:e}");
+    }
+}
+
+#[test]
 fn reverse_mode_equals_dual_numbers_to_1e_7() {
     for (case, problem) in problems().iter().enumerate() {
         let model = CovarianceModel::new(&problem.platform);
