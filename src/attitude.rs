@@ -95,11 +95,15 @@ impl Position {
             .map(|rad| crate::units::round_deg(Angle::from_rad(rad).deg()))
     }
 
+    /// (sin, cos) of α, β, γ.
+    #[inline]
+    pub(crate) fn sines(self) -> [(f64, f64); 3] {
+        self.to_array().map(libm::sincos)
+    }
+
     /// The attitude C_c^n of this position, (19).
     pub fn attitude(self) -> Attitude {
-        let (sa, ca) = libm::sincos(self.alpha);
-        let (sb, cb) = libm::sincos(self.beta);
-        let (sg, cg) = libm::sincos(self.gamma);
+        let [(sa, ca), (sb, cb), (sg, cg)] = self.sines();
         Attitude(Matrix3::new(
             cb * cg,
             cb * sg,
@@ -160,14 +164,14 @@ impl Attitude {
     pub fn position(&self) -> Position {
         let c = &self.0;
         let sin_beta = (-c[(0, 2)]).clamp(-1.0, 1.0);
+        let cos_beta = libm::hypot(c[(0, 0)], c[(0, 1)]);
         // |cos β| below this is the gimbal lock of the triple; the remaining angle is read off
         // the rows that stay determined.
-        if libm::hypot(c[(0, 0)], c[(0, 1)]) < 1e-12 {
+        if cos_beta < 1e-12 {
             let alpha = libm::atan2(-c[(2, 1)], c[(1, 1)]);
             let beta = std::f64::consts::FRAC_PI_2.copysign(sin_beta);
             return Position::from_rad(alpha, beta, 0.0);
         }
-        let cos_beta = libm::hypot(c[(0, 0)], c[(0, 1)]);
         Position::from_rad(
             libm::atan2(c[(1, 2)], c[(2, 2)]),
             libm::atan2(sin_beta, cos_beta),

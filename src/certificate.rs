@@ -149,13 +149,13 @@ impl Certifier {
                 let problem = self.problem(directions, bounded);
                 let bracket = self.bracket(&problem, criterion)?;
                 let found = finish(bracket, in_use(&problem, &bounded, total_time_s))?;
-                if best.is_some_and(|b| found.lower_bound < b.lower_bound) {
-                    // The ones that follow only go further the same way. (After equal ones they rise.)
-                    break;
+                match best {
+                    // The ones that follow only go further the same way.
+                    Some(b) if found.lower_bound < b.lower_bound => break,
+                    // After equal ones they may rise.
+                    Some(b) if found.lower_bound == b.lower_bound => {}
+                    _ => best = Some(found),
                 }
-                best = best
-                    .filter(|b| b.lower_bound == found.lower_bound)
-                    .or(Some(found));
             }
         }
         match best {

@@ -11,6 +11,8 @@
 //! whatever the unit. `e` and `max-ratio` have kinks; [`Smoothing::PowerMean`] replaces the
 //! maximum by a power mean, an upper bound that tends to it.
 
+use nalgebra::{Cholesky, DefaultAllocator, Dim, allocator::Allocator};
+
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
 
@@ -111,23 +113,28 @@ fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, Coe
     (log_weighted_rms(p, weights), gradient)
 }
 
+/// ln det of the matrix that `cholesky` is of. (nalgebra's own takes logarithms of squares, which
+/// overflow and underflow at half the exponents.)
+pub(crate) fn log_determinant<D: Dim>(cholesky: &Cholesky<f64, D>) -> f64
+where
+    DefaultAllocator: Allocator<D, D>,
+{
+    let l = cholesky.l_dirty();
+    (0..l.nrows()).map(|i| 2.0 * libm::log(l[(i, i)])).sum()
+}
+
 /// ln det P / 2n over the coefficients that are not known exactly.
 fn geometric_mean(p: &CoefficientMatrix) -> Result<(f64, CoefficientMatrix)> {
     let open: Vec<usize> = (0..COEFFICIENTS).filter(|&i| p[(i, i)] > 0.0).collect();
     let block = nalgebra::DMatrix::from_fn(open.len(), open.len(), |i, j| p[(open[i], open[j])]);
-    let cholesky = nalgebra::Cholesky::new(block).ok_or_else(|| {
+    let cholesky = Cholesky::new(block).ok_or_else(|| {
         Error::numerical(
             "the coefficient covariance lost definiteness: its logarithmic determinant cannot \
              be trusted",
         )
     })?;
     let count = open.len() as f64;
-    let log_det: f64 = cholesky
-        .l_dirty()
-        .diagonal()
-        .iter()
-        .map(|d| 2.0 * libm::log(*d))
-        .sum();
+    let log_det = log_determinant(&cholesky);
     let inverse = cholesky.inverse();
     let mut gradient = CoefficientMatrix::zeros();
     for (i, &row) in open.iter().enumerate() {

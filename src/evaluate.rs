@@ -27,7 +27,7 @@ use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::number::Number;
 use crate::covariance::reference::{Moment, step_by_step, step_by_step_extended};
 use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
-use crate::criterion::{Criterion, Smoothing};
+use crate::criterion::{Criterion, Smoothing, log_determinant};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
@@ -129,14 +129,7 @@ impl Evaluation {
     /// ln det P_D, P_D in (°/h)²; none when a coefficient is known exactly.
     pub fn logdet_deg_per_h(&self) -> Option<f64> {
         let cholesky = nalgebra::Cholesky::new(self.end.coefficients)?;
-        Some(
-            cholesky
-                .l_dirty()
-                .diagonal()
-                .iter()
-                .map(|d| 2.0 * libm::log(*d))
-                .sum(),
-        )
+        Some(log_determinant(&cholesky))
     }
 }
 

@@ -164,7 +164,8 @@ impl Observability {
     ///
     /// # Errors
     ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does not converge.
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition
+    /// does not converge.
     pub fn analyze(model: &CovarianceModel, timeline: &Timeline) -> Result<Self> {
         let regressor = Regressor::new(model, timeline);
         let unknowns = regressor.unknowns();

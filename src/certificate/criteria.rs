@@ -225,8 +225,7 @@ fn log_determinant(matrix: &DMatrix<f64>) -> Result<f64> {
     let cholesky = nalgebra::Cholesky::new(matrix.clone()).ok_or_else(|| {
         Error::numerical("the bound's design matrix is singular in double precision")
     })?;
-    let diagonal = cholesky.l_dirty().diagonal();
-    Ok(diagonal.iter().map(|d| 2.0 * libm::log(*d)).sum())
+    Ok(crate::criterion::log_determinant(&cholesky))
 }
 
 /// tr(Yᵀ S⁻¹ Y).

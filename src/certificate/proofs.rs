@@ -233,9 +233,9 @@ fn cells_of_several_periods_majorise_too() {
             .trace_variance(&r.conditions, &cells, prior, kappa);
         let ratios = [1.0, 0.3, 1.1];
         let scaled = |s: f64| ratios.map(|v| v * s);
-        let steps = (0..400).map(|k| 1e-3 * 1.03_f64.powi(k) / r.profile[0]);
+        let mut steps = (0..400).map(|k| 1e-3 * 1.03_f64.powi(k) / r.profile[0]);
         let scale = steps
-            .into_iter()
+            .clone()
             .find(|s| r.holds(&scaled(*s), trace, kappa))
             .unwrap();
         let psd = r.conditions.drift_psd;
@@ -252,10 +252,7 @@ fn cells_of_several_periods_majorise_too() {
             assert!(trace_information(&r, &times) <= bound);
         }
         // Each channel alone.
-        let one = (0..400)
-            .map(|k| 1e-3 * 1.03_f64.powi(k) / r.profile[0])
-            .find(|s| isotropic_holds(&r, *s))
-            .unwrap();
+        let one = steps.find(|s| isotropic_holds(&r, *s)).unwrap();
         for _ in 0..12 {
             let times = admissible_times(&mut numbers, period, total);
             assert!(least_eigenvalue(&one_channel(&r, &times, one)) > 0.0);

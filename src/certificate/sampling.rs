@@ -245,8 +245,14 @@ mod tests {
                     let left = bounds.left_over(&conditions, &cells, &inverse, kappa);
                     let kept = conditions.noise_variance * (1.0 - TRACE_SHARE * kappa);
                     let taken = (kept - left) / cells.per_cell;
-                    let weight = inverse.map(|d| d - psd);
-                    let worst = worst_cost(&conditions, &cells, weight, inverse, kappa);
+                    let cost = Cost {
+                        conditions: &conditions,
+                        cells: &cells,
+                        weight: inverse.map(|d| d - psd),
+                        inverse,
+                        kappa,
+                    };
+                    let worst = cost.worst(|s| cost.own(s) + cost.cross(s));
                     assert!(worst <= taken, "{relative:?} {kappa}: {worst} {taken}");
                 }
             }
@@ -262,12 +268,14 @@ mod tests {
             for kappa in [1e-4, 1e-2, 0.3] {
                 let left = bounds.left_over_of_noise(&conditions, &cells, kappa, 0.1);
                 let taken = (conditions.noise_variance * 0.9 - left) / cells.per_cell;
-                let mut worst = 0.0_f64;
-                for (jump, theta) in jumps() {
-                    let shared = share(&conditions, cells.length_s, jump, theta);
-                    let cost = cross_cost(&conditions, &cells, &shared, psd, psd, kappa);
-                    worst = worst.max(cost);
-                }
+                let cost = Cost {
+                    conditions: &conditions,
+                    cells: &cells,
+                    weight: psd,
+                    inverse: psd,
+                    kappa,
+                };
+                let worst = cost.worst(|s| cost.cross(s));
                 assert!(worst <= taken, "{kappa}: {worst} {taken}");
             }
         }
@@ -307,48 +315,51 @@ mod tests {
         }
     }
 
-    fn worst_cost(
-        conditions: &Conditions,
-        cells: &Cells,
+    /// What sharing out costs with the weights N and W, both diagonal.
+    struct Cost<'a> {
+        conditions: &'a Conditions,
+        cells: &'a Cells,
         weight: [f64; 3],
         inverse: [f64; 3],
         kappa: f64,
-    ) -> f64 {
-        let step = cells.length_s / POINTS as f64;
-        let mut worst = 0.0_f64;
-        for (jump, theta) in jumps() {
-            let shared = share(conditions, cells.length_s, jump, theta);
-            let square = |e: &Vector3<f64>| {
-                let terms = e.iter().zip(&weight);
-                terms.map(|(e, w)| e * e * w.max(0.0)).sum::<f64>()
-            };
-            let own: f64 = shared.error.iter().map(square).sum::<f64>() * step;
-            let cross = cross_cost(conditions, cells, &shared, weight, inverse, kappa);
-            worst = worst.max(own + cross);
-        }
-        worst
     }
 
-    /// The largest 2 ∫ λᵀNe − κ ∫ λᵀWλ over the λ that a grid can have inside a cell: a constant
-    /// that the Earth turns, of any direction and size.
-    fn cross_cost(
-        conditions: &Conditions,
-        cells: &Cells,
-        shared: &Shared,
-        weight: [f64; 3],
-        inverse: [f64; 3],
-        kappa: f64,
-    ) -> f64 {
-        let step = cells.length_s / POINTS as f64;
-        let mut linear = Vector3::zeros();
-        let mut square = nalgebra::Matrix3::zeros();
-        for (i, e) in shared.error.iter().enumerate() {
-            let phi = conditions.dynamics.transition(-(i as f64 + 0.5) * step);
-            let n = nalgebra::Matrix3::from_diagonal(&Vector3::from(weight));
-            let w = nalgebra::Matrix3::from_diagonal(&Vector3::from(inverse));
-            linear += phi * n * e * step;
-            square += phi * w * phi.transpose() * step;
+    impl Cost<'_> {
+        fn step(&self) -> f64 {
+            self.cells.length_s / POINTS as f64
         }
-        linear.dot(&(square.try_inverse().unwrap() * linear)) / kappa
+
+        /// ∫ eᵀNe, where it costs.
+        fn own(&self, shared: &Shared) -> f64 {
+            let square = |e: &Vector3<f64>| {
+                let terms = e.iter().zip(&self.weight);
+                terms.map(|(e, w)| e * e * w.max(0.0)).sum::<f64>()
+            };
+            shared.error.iter().map(square).sum::<f64>() * self.step()
+        }
+
+        /// The largest 2 ∫ λᵀNe − κ ∫ λᵀWλ over the λ that a grid can have inside a cell: a
+        /// constant that the Earth turns, of any direction and size.
+        fn cross(&self, shared: &Shared) -> f64 {
+            let step = self.step();
+            let n = nalgebra::Matrix3::from_diagonal(&Vector3::from(self.weight));
+            let w = nalgebra::Matrix3::from_diagonal(&Vector3::from(self.inverse));
+            let mut linear = Vector3::zeros();
+            let mut square = nalgebra::Matrix3::zeros();
+            for (i, e) in shared.error.iter().enumerate() {
+                let time = -(i as f64 + 0.5) * step;
+                let phi = self.conditions.dynamics.transition(time);
+                linear += phi * n * e * step;
+                square += phi * w * phi.transpose() * step;
+            }
+            linear.dot(&(square.try_inverse().unwrap() * linear)) / self.kappa
+        }
+
+        /// The worst of a cost over all jumps.
+        fn worst(&self, cost: impl Fn(&Shared) -> f64) -> f64 {
+            let length = self.cells.length_s;
+            let shared = jumps().map(|(jump, theta)| share(self.conditions, length, jump, theta));
+            shared.map(|s| cost(&s)).fold(0.0, f64::max)
+        }
     }
 }

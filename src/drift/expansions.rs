@@ -23,9 +23,7 @@ use crate::attitude::Position;
 /// ε_x^n by (22). Rate unit of `d`.
 pub fn epsilon_x(p: Position, d: &CoefficientVector) -> f64 {
     let d = |c: D| d[c.index()];
-    let (sa, ca) = libm::sincos(p.alpha);
-    let (sb, cb) = libm::sincos(p.beta);
-    let (sg, cg) = libm::sincos(p.gamma);
+    let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
     d(D::FX) * cb * cg + d(D::FY) * cb * sg - d(D::FZ) * sb
         + (d(D::SZ) * cg - d(D::OZ) * sg) * ca * sb
         + (d(D::OZ) * cg + d(D::SZ) * sg) * sa * sb * sb
@@ -39,9 +37,7 @@ pub fn epsilon_x(p: Position, d: &CoefficientVector) -> f64 {
 /// ε_y^n by (23), its misprints corrected. Rate unit of `d`.
 pub fn epsilon_y(p: Position, d: &CoefficientVector) -> f64 {
     let c = |c: D| d[c.index()];
-    let (sa, ca) = libm::sincos(p.alpha);
-    let (sb, cb) = libm::sincos(p.beta);
-    let (sg, cg) = libm::sincos(p.gamma);
+    let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
     c(D::FX) * (cg * sa * sb - ca * sg)
         + c(D::FY) * (ca * cg + sa * sb * sg)
         + c(D::FZ) * cb * sa
@@ -52,9 +48,7 @@ pub fn epsilon_y(p: Position, d: &CoefficientVector) -> f64 {
 /// (D_OX sinγ − D_OY cosγ) term, cosα when right.
 fn epsilon_y_g_sensitive(p: Position, d: &CoefficientVector, last_factor: f64) -> f64 {
     let d = |c: D| d[c.index()];
-    let (sa, ca) = libm::sincos(p.alpha);
-    let (sb, cb) = libm::sincos(p.beta);
-    let (sg, cg) = libm::sincos(p.gamma);
+    let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
     (d(D::OX) * cg + d(D::OY) * sg) * sa * sa * sb * cb
         - (d(D::OX) * sg - d(D::OY) * cg) * sa * cb * last_factor
         - (d(D::SZ) * sg + d(D::OZ) * cg) * cb * sa * sa * sb
@@ -72,9 +66,7 @@ fn epsilon_y_g_sensitive(p: Position, d: &CoefficientVector, last_factor: f64) -
 /// Rate unit of `d`.
 pub fn epsilon_z(p: Position, d: &CoefficientVector) -> f64 {
     let d = |c: D| d[c.index()];
-    let (sa, ca) = libm::sincos(p.alpha);
-    let (sb, cb) = libm::sincos(p.beta);
-    let (sg, cg) = libm::sincos(p.gamma);
+    let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
     d(D::FX) * (ca * sb * cg + sa * sg)
         + d(D::FY) * (ca * sb * sg - sa * cg)
         + d(D::FZ) * ca * cb
@@ -104,9 +96,7 @@ pub mod printed {
     /// ε_x^c by the first line of (21) as printed: with +D_SX.
     pub fn epsilon_x_c_21(p: Position, d: &CoefficientVector) -> f64 {
         let d = |c: D| d[c.index()];
-        let (sa, ca) = libm::sincos(p.alpha);
-        let (sb, cb) = libm::sincos(p.beta);
-        let (sg, cg) = libm::sincos(p.gamma);
+        let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
         d(D::FX)
             + d(D::IX) * (sg * ca - sa * sb * cg)
             + d(D::SX) * (ca * cg + sa * sb * sg)
@@ -116,9 +106,7 @@ pub mod printed {
     /// ε_y^n by (23) as printed: D_FZ for D_FY, and sinβ for cosα.
     pub fn epsilon_y_23(p: Position, d: &CoefficientVector) -> f64 {
         let c = |c: D| d[c.index()];
-        let (sa, ca) = libm::sincos(p.alpha);
-        let (sb, cb) = libm::sincos(p.beta);
-        let (sg, cg) = libm::sincos(p.gamma);
+        let [(sa, ca), (sb, cb), (sg, cg)] = p.sines();
         c(D::FX) * (cg * sa * sb - ca * sg)
             + c(D::FZ) * (ca * cg + sa * sb * sg)
             + c(D::FZ) * cb * sa

@@ -240,6 +240,15 @@ mod tests {
                 c.motion.return_to_start = return_to_start;
                 c.gimbals.gamma_deg = Some([-270.0, 270.0]);
             });
+            let astray = [
+                [10.0, 70.0, -160.0],
+                [170.0, 100.0, 20.0],
+                [-60.0, 85.0, 200.0],
+                [120.0, -95.0, -20.0],
+            ]
+            .map(|a| Position::from_deg(a[0], a[1], a[2]));
+            let [least, as_given] = check_quickest(&platform, &astray);
+            assert!(least < as_given - 0.1);
             let fraction = |i: usize, k: f64| (0.3 + i as f64 * k).fract();
             for case in 0..20 {
                 let positions: Vec<Position> = (0..4)
@@ -255,7 +264,8 @@ mod tests {
         }
     }
 
-    fn check_quickest(platform: &Platform, positions: &[Position]) {
+    /// The least length of all ways, which is that of the way found, and the length as given.
+    fn check_quickest(platform: &Platform, positions: &[Position]) -> [f64; 2] {
         let motion = platform.motion();
         let length = |way: &[Position]| {
             let mut stops = way.to_vec();
@@ -280,6 +290,7 @@ mod tests {
         let least = ways.iter().map(|w| length(w)).fold(f64::INFINITY, f64::min);
         let found = quickest_positions(platform, positions);
         assert!((length(&found) - least).abs() < 1e-9);
+        [least, length(positions)]
     }
 
     #[test]

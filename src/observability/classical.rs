@@ -243,7 +243,7 @@ impl PiecewiseConstant {
             }
         }
         let svd = Singular::of(rows.len(), STATES, |i, j| rows[i][j])?;
-        let singular_values: Vec<f64> = svd.values.iter().copied().collect();
+        let singular_values = &svd.values;
         let zero = rows.len() as f64 * f64::EPSILON * singular_values[0];
         let rank = singular_values.iter().filter(|s| **s > zero).count();
         let degrees = CoefficientVector::from_fn(|i, _| {
@@ -254,7 +254,7 @@ impl PiecewiseConstant {
         });
         Ok(Self {
             units,
-            singular_values,
+            singular_values: svd.values,
             rank,
             degrees,
         })

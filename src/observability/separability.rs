@@ -40,10 +40,10 @@ pub(super) fn by_svd(rows: &[[f64; UNKNOWNS]]) -> Result<(CoefficientVector, f64
     let values = &svd.values;
     for (j, &unknown) in used.iter().enumerate().filter(|(_, u)| **u < COEFFICIENTS) {
         let mut inflation = 0.0;
-        for k in 0..used.len() {
+        for (k, value) in values.iter().enumerate() {
             let along = svd.vector(k, j);
-            if values[k] > NULL {
-                inflation += (along / values[k]).powi(2);
+            if *value > NULL {
+                inflation += (along / value).powi(2);
             } else if along.abs() > 1e-7 {
                 inflation = f64::INFINITY;
             }

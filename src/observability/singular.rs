@@ -1,6 +1,6 @@
 //! Singular values and right singular vectors of rows.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
 
@@ -10,7 +10,7 @@ const STEPS: usize = 10_000;
 /// The thin singular value decomposition of a matrix, without its left vectors.
 pub(super) struct Singular {
     /// Largest first, as many as the matrix has columns, or rows if there are fewer.
-    pub values: DVector<f64>,
+    pub values: Vec<f64>,
     transposed: DMatrix<f64>,
 }
 
@@ -35,7 +35,7 @@ impl Singular {
             .try_svd(false, true, f64::EPSILON, STEPS)
             .ok_or_else(failed)?;
         Ok(Self {
-            values: svd.singular_values,
+            values: svd.singular_values.iter().copied().collect(),
             transposed: svd.v_t.ok_or_else(failed)?,
         })
     }

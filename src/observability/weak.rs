@@ -67,7 +67,7 @@ pub fn weak_combinations(
     let svd = Singular::of(height, COEFFICIENTS, |i, j| {
         rows.get(i).map_or(0.0, |r| r[j])
     })?;
-    let values: Vec<f64> = svd.values.iter().copied().collect();
+    let values = &svd.values;
     let mut weak = Vec::new();
     for k in (0..COEFFICIENTS).rev() {
         if values[k] <= NULL * values[0] {
@@ -80,7 +80,7 @@ pub fn weak_combinations(
             shares: shares(&tagged, &rows, &vector),
         });
     }
-    Ok((values, weak))
+    Ok((svd.values, weak))
 }
 
 /// The weighted rows over the coefficients, the column of ω_N ψ_y(0) projected out.
