@@ -22,9 +22,13 @@
 //! `φ = e_x dα + Mx(α) e_y dβ + C e_z dγ` ([`Attitude::rotation_axes`]). From
 //! `dMx/dα = −[e_x×] Mx`, and `M [v×] = [(M v)×] M` for a rotation M.
 
+mod degrees;
+
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
-use crate::units::{Angle, EARTH_RATE_RAD_PER_S};
+pub(crate) use degrees::{Degrees, NanoDegrees, decimal, deg_of_rad};
+
+use crate::units::{EARTH_RATE_RAD_PER_S, RAD_PER_DEG};
 
 /// Index of the North component.
 pub const NORTH: usize = 0;
@@ -46,59 +50,96 @@ pub fn earth_rate_n(latitude_rad: f64) -> Vector3<f64> {
     EARTH_RATE_RAD_PER_S * Vector3::new(cos_l, sin_l, 0.0)
 }
 
-/// A position of the platform: the Euler angles (α, β, γ) of (19), rad.
+/// A position of the platform: the Euler angles (α, β, γ) of (19), α the outer one about x of n,
+/// γ the inner one about z of the platform.
+///
+/// The angles are held in degrees as they were given, because what is a half turn, or the same
+/// angle, is only exact there; two positions are equal when their angles are.
 ///
 /// ```
 /// use scheme_opt::attitude::Position;
 /// let p = Position::from_deg(180.0, 0.0, 0.0);
 /// // Upside down: gravity along +y of the platform.
-/// assert!((p.attitude().gravity_c().y - 1.0).abs() < 1e-15);
+/// assert_eq!(p.attitude().gravity_c().y, 1.0);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Position {
-    /// Outer angle α, about x of n, rad.
-    pub alpha: f64,
-    /// Middle angle β, rad.
-    pub beta: f64,
-    /// Inner angle γ, about z of the platform, rad.
-    pub gamma: f64,
+    deg: [f64; 3],
 }
 
 impl Position {
-    /// From (α, β, γ) in radians.
-    pub const fn from_rad(alpha: f64, beta: f64, gamma: f64) -> Self {
-        Self { alpha, beta, gamma }
+    /// From (α, β, γ) in radians. What was a decimal of up to nine places in degrees before it
+    /// became radians is that decimal again.
+    pub fn from_rad(alpha: f64, beta: f64, gamma: f64) -> Self {
+        Self::from_array([alpha, beta, gamma])
     }
 
     /// From (α, β, γ) in degrees.
-    pub fn from_deg(alpha_deg: f64, beta_deg: f64, gamma_deg: f64) -> Self {
-        Self::from_rad(
-            Angle::from_deg(alpha_deg).rad(),
-            Angle::from_deg(beta_deg).rad(),
-            Angle::from_deg(gamma_deg).rad(),
-        )
+    pub const fn from_deg(alpha_deg: f64, beta_deg: f64, gamma_deg: f64) -> Self {
+        Self {
+            deg: [alpha_deg, beta_deg, gamma_deg],
+        }
     }
 
-    /// From the array `[α, β, γ]`, rad.
-    pub const fn from_array(angles: [f64; 3]) -> Self {
-        Self::from_rad(angles[0], angles[1], angles[2])
+    /// From the array `[α, β, γ]`, rad, as [`Position::from_rad`].
+    pub fn from_array(angles: [f64; 3]) -> Self {
+        Self {
+            deg: angles.map(deg_of_rad),
+        }
     }
 
     /// As the array `[α, β, γ]`, rad.
-    pub const fn to_array(self) -> [f64; 3] {
-        [self.alpha, self.beta, self.gamma]
+    pub fn to_array(self) -> [f64; 3] {
+        self.deg.map(|deg| deg * RAD_PER_DEG)
+    }
+
+    /// `[α, β, γ]` in degrees, as given.
+    pub const fn degrees(self) -> [f64; 3] {
+        self.deg
     }
 
     /// As `[α, β, γ]` in degrees, rounded to the 1e-9° that files carry.
     pub fn to_deg(self) -> [f64; 3] {
-        self.to_array()
-            .map(|rad| crate::units::round_deg(Angle::from_rad(rad).deg()))
+        self.deg.map(crate::units::round_deg)
+    }
+
+    /// The angles in whole 1e-9° and the rest.
+    #[inline]
+    pub(crate) fn exact(self) -> [Degrees; 3] {
+        self.deg.map(Degrees::new)
+    }
+
+    /// The angles in whole 1e-9°: what decides whether two positions are the same.
+    pub(crate) fn nano(self) -> [NanoDegrees; 3] {
+        self.deg.map(NanoDegrees::nearest)
     }
 
     /// (sin, cos) of α, β, γ.
     #[inline]
     pub(crate) fn sines(self) -> [(f64, f64); 3] {
-        self.to_array().map(libm::sincos)
+        self.exact().map(Degrees::sine_cosine)
+    }
+
+    /// (sin α, cos α).
+    #[inline]
+    pub(crate) fn sines_of_alpha(self) -> (f64, f64) {
+        Degrees::new(self.deg[0]).sine_cosine()
+    }
+
+    /// What tells the attitudes of positions apart, to the 1e-9° that files carry: the angles of
+    /// the triple with β in ±90°, without whole turns; at β = ±90°, where only α ∓ γ counts, the
+    /// one with γ = 0.
+    pub(crate) fn attitude_key(self) -> [i64; 3] {
+        let [mut a, mut b, mut g] = self.nano().map(NanoDegrees::wrapped);
+        let (quarter, half) = (NanoDegrees::QUARTER_TURN, NanoDegrees::HALF_TURN);
+        if b.abs() > quarter {
+            (a, b, g) = (a + half, half - b, g + half);
+        }
+        if b.abs() == quarter {
+            let lost = if b > NanoDegrees::default() { -g } else { g };
+            (a, g) = (a + lost, NanoDegrees::default());
+        }
+        [a, b, g].map(|angle| angle.wrapped().count())
     }
 
     /// The attitude C_c^n of this position, (19).
@@ -159,23 +200,27 @@ impl Attitude {
         -self.0.row(UP).transpose()
     }
 
-    /// One Euler triple of this attitude, β in [−90°, 90°]. At β = ±90° only α ∓ γ is
-    /// determined; γ is then set to zero.
+    /// One Euler triple of this attitude, β in [−90°, 90°], half turns positive. At β = ±90° only
+    /// α ∓ γ is determined; γ is then set to zero.
     pub fn position(&self) -> Position {
         let c = &self.0;
         let sin_beta = (-c[(0, 2)]).clamp(-1.0, 1.0);
         let cos_beta = libm::hypot(c[(0, 0)], c[(0, 1)]);
-        // |cos β| below this is the gimbal lock of the triple; the remaining angle is read off
-        // the rows that stay determined.
-        if cos_beta < 1e-12 {
-            let alpha = libm::atan2(-c[(2, 1)], c[(1, 1)]);
-            let beta = std::f64::consts::FRAC_PI_2.copysign(sin_beta);
-            return Position::from_rad(alpha, beta, 0.0);
+        // Adding zero makes −0 a plain zero, for the arc tangent takes its sign for a half turn.
+        let angle = |sin: f64, cos: f64| {
+            let deg = Degrees::new(deg_of_rad(libm::atan2(sin + 0.0, cos)));
+            deg.wrapped().deg()
+        };
+        let beta = angle(sin_beta, cos_beta);
+        if NanoDegrees::nearest(beta).abs() == NanoDegrees::QUARTER_TURN {
+            // Gimbal lock: the remaining angle is read off the rows that stay determined.
+            let alpha = angle(-c[(2, 1)], c[(1, 1)]);
+            return Position::from_deg(alpha, 90.0_f64.copysign(sin_beta), 0.0);
         }
-        Position::from_rad(
-            libm::atan2(c[(1, 2)], c[(2, 2)]),
-            libm::atan2(sin_beta, cos_beta),
-            libm::atan2(c[(0, 1)], c[(0, 0)]),
+        Position::from_deg(
+            angle(c[(1, 2)], c[(2, 2)]),
+            beta,
+            angle(c[(0, 1)], c[(0, 0)]),
         )
     }
 
@@ -191,7 +236,7 @@ impl Attitude {
 
     /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.
     pub fn rotation_axes(&self, position: Position) -> [Vector3<f64>; 3] {
-        let (sa, ca) = libm::sincos(position.alpha);
+        let (sa, ca) = position.sines_of_alpha();
         [
             Vector3::x(),
             // Mx(α) e_y is the second column of Mx(α).
@@ -201,15 +246,10 @@ impl Attitude {
     }
 }
 
-/// Wraps an angle to (−π, π], so that a half turn stays positive.
+/// Wraps an angle (rad) to (−π, π], so that a half turn stays positive: what is one is decided
+/// in the 1e-9° that files carry.
 pub fn wrap_half_turn(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    let wrapped = angle - TAU * (angle / TAU).round();
-    if wrapped <= -PI {
-        wrapped + TAU
-    } else {
-        wrapped
-    }
+    Degrees::new(deg_of_rad(angle)).wrapped().rad()
 }
 
 #[cfg(test)]
@@ -320,6 +360,11 @@ mod tests {
         assert_eq!(wrap_half_turn(-PI), PI);
         assert_eq!(wrap_half_turn(3.0 * PI), PI);
         assert!((wrap_half_turn(-0.1 - 4.0 * PI) + 0.1).abs() < 1e-14);
+        // In radians this is a little more than −π.
+        assert_eq!(
+            wrap_half_turn((30.0 - 210.0) * RAD_PER_DEG + 1e-15),
+            PI
+        );
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! In `slew` repositioning the gimbal angles move linearly in time and arrive together; the
 //! duration is the largest angle change divided by the slew rate (zero when no rate is given),
 //! and a settle time follows every unmeasured move. Unlimited gimbals take the short way round,
-//! ties positive; limited ones stay inside their ranges. While the platform moves the drift still
+//! ties positive, unless the schedule says another way (`change_deg`); limited ones go straight,
+//! and so stay inside their ranges. While the platform moves the drift still
 //! integrates: Δψ^n = ∫ Φ(t_end − t) A(R(t)) dt · D ([`Move::drift_integral`]).
 //!
 //! In `frame-hold` repositioning a move takes no time and ψ^n ← C_{k+1} C_kᵀ ψ^n.
@@ -21,7 +22,7 @@ use std::ops::Range;
 
 pub use equivalents::{equivalent_positions, quickest_positions};
 
-use crate::attitude::{Attitude, Position, wrap_half_turn};
+use crate::attitude::{Attitude, Degrees, NanoDegrees, Position, wrap_half_turn};
 use crate::error::{Error, Result};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
@@ -32,7 +33,7 @@ pub struct Move {
     /// (α, β, γ) at the start, rad.
     pub from: [f64; 3],
     /// Change of (α, β, γ), rad: the way actually taken, more than a half turn only on limited
-    /// gimbals.
+    /// gimbals or where the schedule says so.
     pub change: [f64; 3],
     /// Duration, s.
     pub duration_s: f64,
@@ -44,6 +45,18 @@ impl Move {
     /// (α, β, γ) at the `fraction` 0..1 of the move, rad.
     pub fn angles_at(&self, fraction: f64) -> [f64; 3] {
         std::array::from_fn(|i| self.from[i] + fraction * self.change[i])
+    }
+
+    /// The position at the `fraction` 0..1 of the move, without the whole turns of its start: the
+    /// same whatever turn the start is written in.
+    pub fn position_at(&self, fraction: f64) -> Position {
+        let from = self.reduced_from();
+        Position::from_array(std::array::from_fn(|i| from[i] + fraction * self.change[i]))
+    }
+
+    /// (α, β, γ) at the start without whole turns, rad.
+    pub(crate) fn reduced_from(&self) -> [f64; 3] {
+        self.from.map(wrap_half_turn)
     }
 
     /// The axis that takes longest, and how far it turns, rad.
@@ -58,15 +71,35 @@ impl Move {
     }
 }
 
-/// The way the gimbals take from one position to another, rad: the short way round on unlimited
-/// axes (a half turn goes positive), straight on limited ones.
+/// The way the gimbals take from one position to another unless told otherwise, rad: the short way
+/// round on unlimited axes (a half turn goes positive), straight on limited ones.
 pub fn gimbal_change(platform: &Platform, from: Position, to: Position) -> [f64; 3] {
-    let (from, to) = (from.to_array(), to.to_array());
+    way(platform, from, to, None).map(Degrees::rad)
+}
+
+/// The way the gimbals take from one position to another. On unlimited axes that of all ways
+/// between the two which is nearest to the one `given` (degrees), or else the short one, a half
+/// turn positive; on limited axes straight.
+pub(crate) fn way(
+    platform: &Platform,
+    from: Position,
+    to: Position,
+    given: Option<[f64; 3]>,
+) -> [Degrees; 3] {
+    let (from, to) = (from.exact(), to.exact());
     std::array::from_fn(|i| {
-        let change = to[i] - from[i];
-        match platform.gimbals.ranges[i] {
-            Some(_) => change,
-            None => wrap_half_turn(change),
+        let straight = to[i] - from[i];
+        match (platform.gimbals.ranges[i], given) {
+            (Some(_), _) => straight,
+            (None, None) => straight.wrapped(),
+            (None, Some(given)) => {
+                let given = NanoDegrees::nearest(given[i]);
+                let off = (straight.nano - given).wrapped();
+                Degrees {
+                    nano: given + off,
+                    ..straight
+                }
+            }
         }
     })
 }
@@ -111,11 +144,14 @@ impl Timeline {
     /// # Errors
     ///
     /// [`Error::is_input`] when a position lies outside a gimbal's range or off the index table,
-    /// a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
+    /// a `change_deg` does not lead to its position or leaves a range, a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
     /// test is longer than the filter can be stepped through ([`MAX_FILTER_PERIODS`]).
     pub fn new(platform: &Platform, schedule: &Schedule) -> Result<Self> {
+        let mut from = platform.standing();
         for (index, p) in schedule.positions().iter().enumerate() {
             check_reachable(platform, index, p.position)?;
+            check_way(platform, index, from, p)?;
+            from = Some(p.position);
         }
         let timeline = Self::unchecked(platform, schedule.positions().iter().copied());
         for (index, p) in schedule.positions().iter().enumerate() {
@@ -233,10 +269,10 @@ impl Timeline {
     fn arrival(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Option<Move> {
         let motion = &platform.motion;
         from.map(|from| {
-            let change = gimbal_change(platform, from, p.position);
+            let change = way(platform, from, p.position, p.change_deg);
             let mut m = Move {
                 from: from.to_array(),
-                change,
+                change: change.map(Degrees::rad),
                 duration_s: 0.0,
                 measured: p.move_measured.unwrap_or(motion.measure_moves),
             };
@@ -300,10 +336,51 @@ impl Timeline {
 fn check_reachable(platform: &Platform, index: usize, position: Position) -> Result<()> {
     const AXES: [&str; 3] = ["alpha_deg", "beta_deg", "gamma_deg"];
     let deg = position.to_deg();
-    for (axis, angle) in position.to_array().into_iter().enumerate() {
+    for (axis, angle) in position.degrees().into_iter().enumerate() {
         if let Some(allowed) = platform.gimbals.refusal(axis, angle) {
             let key = format!("positions[{index}].{}", AXES[axis]);
             return Err(Error::out_of_range(&key, deg[axis], &allowed));
+        }
+    }
+    Ok(())
+}
+
+/// Checks a way that is given against the positions it joins, and the ranges.
+fn check_way(
+    platform: &Platform,
+    index: usize,
+    from: Option<Position>,
+    p: &ScheduledPosition,
+) -> Result<()> {
+    let Some(given) = p.change_deg else {
+        return Ok(());
+    };
+    let refused = |what: &str, allowed: String| {
+        Err(Error::input(what)
+            .with_key(format!("positions[{index}].change_deg"))
+            .with_value(format!("{given:?}"))
+            .with_allowed(allowed))
+    };
+    let Some(from) = from else {
+        let allowed = "no change_deg, or motion.start_deg to come from".to_owned();
+        return refused("nothing leads to the first position", allowed);
+    };
+    let taken = way(platform, from, p.position, Some(given));
+    for (axis, name) in ["alpha", "beta", "gamma"].into_iter().enumerate() {
+        // The positions and the way between them are each rounded to 1e-9°.
+        let off = taken[axis].nano - NanoDegrees::nearest(given[axis]);
+        if off.abs() > NanoDegrees::new(1) {
+            let straight = taken[axis].nano.deg();
+            return match platform.gimbals.ranges[axis] {
+                Some(_) => refused(
+                    &format!("the {name} axis is limited and goes straight"),
+                    format!("{straight} for {name}"),
+                ),
+                None => refused(
+                    &format!("this way does not lead the {name} axis to the position"),
+                    format!("{straight} for {name}, or whole turns more or less"),
+                ),
+            };
         }
     }
     Ok(())

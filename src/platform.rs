@@ -4,14 +4,16 @@
 //! tests every value and gives the [`Platform`] the computation takes: valid by construction and
 //! in SI.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{Position, earth_rate_n};
+use crate::attitude::{NanoDegrees, decimal, Position, deg_of_rad, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::schedule::Schedule;
-use crate::units::{Angle, AngularRate};
+use crate::units::{Angle, AngularRate, round_deg};
 
 mod axis_value;
 mod interruption;
@@ -211,23 +213,56 @@ pub struct Gimbals {
     pub step_rad: Option<f64>,
 }
 
-/// Slack on ranges and index steps, rad: 1e-9° plus rounding.
-const ANGLE_SLACK_RAD: f64 = 1e-10;
+impl GimbalRange {
+    /// Its ends in the 1e-9° that files carry, which decide what lies within.
+    pub(crate) fn ends(&self) -> RangeInclusive<NanoDegrees> {
+        let nano = |rad| NanoDegrees::nearest(deg_of_rad(rad));
+        nano(self.low_rad)..=nano(self.high_rad)
+    }
+}
 
 impl Gimbals {
-    /// What is allowed on `axis`, in words, if the angle (rad) is not.
-    pub(crate) fn refusal(&self, axis: usize, angle_rad: f64) -> Option<String> {
-        let in_deg = |rad| crate::units::round_deg(Angle::from_rad(rad).deg());
+    /// Step of an index table, degrees.
+    pub(crate) fn step_deg(&self) -> Option<f64> {
+        self.step_rad.map(deg_of_rad)
+    }
+
+    /// What is allowed on `axis`, in words, if the angle (degrees) is not.
+    pub(crate) fn refusal(&self, axis: usize, deg: f64) -> Option<String> {
         if let Some(range) = self.ranges[axis]
-            && !(range.low_rad - ANGLE_SLACK_RAD..=range.high_rad + ANGLE_SLACK_RAD)
-                .contains(&angle_rad)
+            && !range.ends().contains(&NanoDegrees::nearest(deg))
         {
-            let [low, high] = [range.low_rad, range.high_rad].map(in_deg);
+            let (low, high) = range.ends().into_inner();
+            let (low, high) = (low.deg(), high.deg());
             return Some(format!("the gimbal's range {low} to {high}"));
         }
-        let step = self.step_rad?;
-        let off = angle_rad - step * (angle_rad / step).round();
-        (off.abs() > 1e-8).then(|| format!("multiples of gimbals.step_deg = {}", in_deg(step)))
+        let step = self.step_deg()?;
+        // A multiple as a file can hold it.
+        let off = (deg - step * (deg / step).round()).abs();
+        (off > 0.5e-9 + 8.0 * f64::EPSILON * deg.abs())
+            .then(|| format!("multiples of gimbals.step_deg = {}", round_deg(step)))
+    }
+
+    /// The settings of an axis on an index table, degrees: the multiples of the step within the
+    /// range, or on an unlimited axis in (−180°, 180°]; none without a table. Sorted.
+    pub(crate) fn settings_deg(&self, axis: usize) -> Option<impl ExactSizeIterator<Item = f64>> {
+        let step = self.step_deg()?;
+        let half = NanoDegrees::HALF_TURN;
+        let ends = self.ranges[axis].map_or(NanoDegrees::new(1) - half..=half, |r| r.ends());
+        Some(multiples(step, ends).map(move |k| decimal(f64::from(k) * step)))
+    }
+}
+
+/// The multiples of `step` degrees within a range, as numbers of steps.
+pub(crate) fn multiples(step: f64, ends: RangeInclusive<NanoDegrees>) -> std::ops::Range<i32> {
+    // A multiple lies within when it does in the 1e-9° that files carry. Ranges end at a hundred
+    // turns and steps are a tenth of a degree at least.
+    let (low, high) = (ends.start().deg() / step, ends.end().deg() / step);
+    let within = |k: &i32| ends.contains(&NanoDegrees::nearest(f64::from(*k) * step));
+    let near = |at: f64| (at.floor() as i32 - 1)..=(at.ceil() as i32 + 1);
+    match (near(low).find(within), near(high).rev().find(within)) {
+        (Some(first), Some(last)) => first..last + 1,
+        _ => 0..0,
     }
 }
 
@@ -489,7 +524,7 @@ fn start(deg: [f64; 3], gimbals: &Gimbals) -> Result<Position> {
         in_range(KEY, v, -36_000.0, 36_000.0, "angles from -36000 to 36000")?;
     }
     let position = Position::from_deg(deg[0], deg[1], deg[2]);
-    for (axis, angle) in position.to_array().into_iter().enumerate() {
+    for (axis, angle) in position.degrees().into_iter().enumerate() {
         if let Some(allowed) = gimbals.refusal(axis, angle) {
             return Err(Error::out_of_range(KEY, deg[axis], &allowed));
         }

@@ -32,6 +32,10 @@ pub struct ScheduledPosition {
     pub move_s: Option<f64>,
     /// Whether the filter measures during that move; none: as the platform has it.
     pub move_measured: Option<bool>,
+    /// The way taken from the position before (the first: from the start attitude), changes of
+    /// (α, β, γ) in degrees, congruent to the target; none: the short way on unlimited axes, a
+    /// half turn positive. Limited axes go straight.
+    pub change_deg: Option<[f64; 3]>,
 }
 
 impl ScheduledPosition {
@@ -42,6 +46,7 @@ impl ScheduledPosition {
             dwell_s,
             move_s: None,
             move_measured: None,
+            change_deg: None,
         }
     }
 }
@@ -68,8 +73,9 @@ impl Schedule {
     ///
     /// # Errors
     ///
-    /// [`Error::is_input`] for no position, too many, a non-finite angle, or a time that is
-    /// negative, not finite or absurdly long; the key names the position (`positions[3].dwell_s`).
+    /// [`Error::is_input`] for no position, too many, an angle or a change of one that is not
+    /// finite or beyond a hundred turns, or a time that is negative, not finite or absurdly long;
+    /// the key names the position (`positions[3].dwell_s`).
     pub fn new(positions: Vec<ScheduledPosition>) -> Result<Self> {
         if positions.is_empty() || positions.len() > MAX_POSITIONS {
             return Err(Error::input("a schedule needs at least one position")
@@ -145,15 +151,17 @@ const MAX_ANGLE_DEG: f64 = 36_000.0;
 
 fn check_position(index: usize, p: &ScheduledPosition) -> Result<()> {
     let key = |name: &str| format!("positions[{index}].{name}");
-    let angles = [
-        ("alpha_deg", p.position.alpha),
-        ("beta_deg", p.position.beta),
-        ("gamma_deg", p.position.gamma),
-    ];
-    for (name, rad) in angles {
-        let deg = rad / crate::units::RAD_PER_DEG;
-        if deg.is_nan() || deg.abs() > MAX_ANGLE_DEG * (1.0 + 1e-12) {
+    let allowed = -MAX_ANGLE_DEG..=MAX_ANGLE_DEG;
+    let names = ["alpha_deg", "beta_deg", "gamma_deg"];
+    for (name, deg) in names.into_iter().zip(p.position.degrees()) {
+        if !allowed.contains(&deg) {
             return Err(Error::out_of_range(&key(name), deg, "-36000 to 36000"));
+        }
+    }
+    for change in p.change_deg.into_iter().flatten() {
+        if !allowed.contains(&change) {
+            let key = key("change_deg");
+            return Err(Error::out_of_range(&key, change, "-36000 to 36000"));
         }
     }
     let times = [("dwell_s", Some(p.dwell_s)), ("move_s", p.move_s)];
@@ -232,6 +240,13 @@ mod tests {
                 "positions[1].move_s",
                 ScheduledPosition {
                     move_s: Some(f64::INFINITY),
+                    ..good
+                },
+            ),
+            (
+                "positions[1].change_deg",
+                ScheduledPosition {
+                    change_deg: Some([0.0, f64::NEG_INFINITY, 0.0]),
                     ..good
                 },
             ),

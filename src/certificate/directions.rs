@@ -9,8 +9,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Vector3;
 
-use crate::attitude::{Attitude, Position};
-use crate::platform::{GimbalRange, Gimbals, Motion};
+use crate::attitude::{Attitude, NanoDegrees, Position, decimal};
+use crate::platform::{GimbalRange, Gimbals, Motion, multiples};
 
 /// Spacing of the rings, rad: about 18 000 directions.
 const SPACING: f64 = 1.5 * PI / 180.0;
@@ -133,7 +133,7 @@ impl Directions {
         let sphere = Sphere::new(SPACING);
         // A move that takes time passes between the table's positions, and the drift integrates
         // meanwhile.
-        let table = match (gimbals.step_rad, motion.slew_rate_rad_per_s) {
+        let table = match (gimbals.step_deg(), motion.slew_rate_rad_per_s) {
             (Some(step), None) => table(gimbals, step),
             _ => None,
         };
@@ -215,12 +215,13 @@ fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
     marks
 }
 
-/// The attitudes of an index table within the ranges; none when there are too many, or none.
+/// The attitudes of an index table of `step` degrees within the ranges; none when there are too
+/// many, or none.
 fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
     let axes: Vec<Vec<f64>> = gimbals
         .ranges
         .iter()
-        .map(|range| multiples(*range, step))
+        .map(|range| settings(*range, step))
         .collect();
     let count = axes
         .iter()
@@ -229,44 +230,34 @@ fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
     if count == 0 || count > LARGEST_TABLE {
         return None;
     }
-    let mut attitudes = Vec::with_capacity(count);
+    let mut positions = Vec::with_capacity(count);
     for &alpha in &axes[0] {
         for &beta in &axes[1] {
             for &gamma in &axes[2] {
-                attitudes.push(Position::from_rad(alpha, beta, gamma).attitude());
+                positions.push(Position::from_deg(alpha, beta, gamma));
             }
         }
     }
-    let key = |a: &Attitude| {
-        let mut rounded = [0_i64; 9];
-        for (r, v) in rounded.iter_mut().zip(a.matrix().iter()) {
-            *r = (v * 1e9).round() as i64;
-        }
-        rounded
-    };
-    attitudes.sort_by_cached_key(key);
-    attitudes.dedup_by_key(|a| key(a));
-    Some(attitudes)
+    positions.sort_by_cached_key(|p| p.attitude_key());
+    positions.dedup_by_key(|p| p.attitude_key());
+    Some(positions.into_iter().map(Position::attitude).collect())
 }
 
-/// Multiples of the step within a range, those that differ by whole turns once. An unlimited
-/// axis whose step does not divide the turn has more of them than a table can list.
-fn multiples(range: Option<GimbalRange>, step: f64) -> Vec<f64> {
-    let (low, high) = match range {
-        Some(r) => (r.low_rad, r.high_rad),
+/// Multiples of the step within a range, degrees; on an unlimited axis those of one turn. One
+/// whose step does not divide the turn has more of them than a table can list.
+fn settings(range: Option<GimbalRange>, step: f64) -> Vec<f64> {
+    let ends = match range {
+        Some(r) => r.ends(),
         None => {
-            let per_turn = TAU / step;
-            if (per_turn - per_turn.round()).abs() > 1e-9 {
+            let turn = NanoDegrees::nearest((360.0 / step).round() * step);
+            if turn != NanoDegrees::TURN {
                 return vec![0.0; LARGEST_TABLE + 1];
             }
-            (0.0, TAU - 0.5 * step)
+            NanoDegrees::default()..=turn - NanoDegrees::new(1)
         }
     };
-    let slack = 1e-9;
-    let first = ((low - slack) / step).ceil();
-    let last = ((high + slack) / step).floor();
-    let count = (last - first + 1.0).clamp(0.0, LARGEST_TABLE as f64 + 1.0) as usize;
-    (0..count).map(|i| (first + i as f64) * step).collect()
+    let within = multiples(step, ends).take(LARGEST_TABLE + 1);
+    within.map(|k| decimal(f64::from(k) * step)).collect()
 }
 
 #[cfg(test)]
@@ -435,8 +426,7 @@ mod tests {
                 low_rad: low.to_radians(),
                 high_rad: high.to_radians(),
             });
-            let all = multiples(range, step.to_radians()).into_iter();
-            all.map(|v| v.to_degrees().round()).collect::<Vec<f64>>()
+            settings(range, step)
         };
         assert_eq!(
             of(Some([-20.0, 55.0]), 15.0),

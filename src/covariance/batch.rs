@@ -129,7 +129,7 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Grou
         let (mut sin, mut cos) = ([0.0; MOST_LANES], [1.0; MOST_LANES]);
         for lane in 0..S::F64_LANES {
             if let Some(l) = leg_or_last(self.lane(lane), leg) {
-                (sin[lane], cos[lane]) = libm::sincos(l.position.alpha);
+                (sin[lane], cos[lane]) = l.position.sines_of_alpha();
             }
         }
         let simd = self.ar.0;

@@ -4,16 +4,12 @@
 //! difference, and at β = ±90° only α ∓ γ counts. Which of them the gimbals take decides how far
 //! they have to turn from one position to the next.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
-
-use super::gimbal_change;
-use crate::attitude::{Position, wrap_half_turn};
+use super::way;
+use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::platform::Platform;
 
 /// Whole turns that a limited axis is tried at, beside the angle given.
-const TURNS: [f64; 3] = [0.0, 1.0, -1.0];
-/// β this close to ±90° is gimbal lock, rad.
-const LOCK_RAD: f64 = 1e-9;
+const TURNS: [i64; 3] = [0, 1, -1];
 
 /// The triples of the attitude of `position` that the platform can take, the position itself
 /// first if it is one of them. On limited axes angles up to one turn away are tried, or the
@@ -30,15 +26,16 @@ const LOCK_RAD: f64 = 1e-9;
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
 pub fn equivalent_positions(platform: &Platform, position: Position) -> Vec<Position> {
+    let half = Degrees::from(NanoDegrees::HALF_TURN);
     let mut all: Vec<Position> = Vec::new();
     for [a, b, g] in with_lock(position) {
-        for triple in [[a, b, g], [a + PI, PI - b, g + PI]] {
+        for triple in [[a, b, g], [a + half, half - b, g + half]] {
             let axes = [0, 1, 2].map(|axis| settings(platform, axis, triple[axis]));
             for &a in &axes[0] {
                 for &b in &axes[1] {
                     for &g in &axes[2] {
-                        let found = Position::from_rad(a, b, g);
-                        if all.iter().all(|known| differs(*known, found)) {
+                        let found = Position::from_deg(a, b, g);
+                        if all.iter().all(|known| known.nano() != found.nano()) {
                             all.push(found);
                         }
                     }
@@ -49,44 +46,41 @@ pub fn equivalent_positions(platform: &Platform, position: Position) -> Vec<Posi
     all
 }
 
-fn differs(a: Position, b: Position) -> bool {
-    let pairs = a.to_array().into_iter().zip(b.to_array());
-    pairs.into_iter().any(|(a, b)| (a - b).abs() > 1e-12)
-}
-
 /// The triple itself and, in gimbal lock, others of the same attitude. From (19) at β = ±90°,
 /// C depends on α ∓ γ alone.
-fn with_lock(position: Position) -> Vec<[f64; 3]> {
-    let [a, b, g] = position.to_array();
+fn with_lock(position: Position) -> Vec<[Degrees; 3]> {
+    let [a, b, g] = position.exact();
     let mut triples = vec![[a, b, g]];
-    let beta = wrap_half_turn(b);
-    if (beta.abs() - FRAC_PI_2).abs() < LOCK_RAD {
-        let sign = beta.signum();
-        for alpha in [0.0, FRAC_PI_2, PI, -FRAC_PI_2] {
-            triples.push([alpha, b, g + sign * (alpha - a)]);
+    let beta = b.nano.wrapped();
+    let (zero, quarter) = (NanoDegrees::default(), NanoDegrees::QUARTER_TURN);
+    if beta.abs() == quarter {
+        for alpha in [zero, quarter, NanoDegrees::HALF_TURN, -quarter] {
+            let alpha = Degrees::from(alpha);
+            let turned = if beta > zero { alpha - a } else { a - alpha };
+            triples.push([alpha, b, g + turned]);
         }
     }
     triples
 }
 
-/// The angles of an axis that are the same direction as `angle` and can be set.
-fn settings(platform: &Platform, axis: usize, angle: f64) -> Vec<f64> {
-    let allowed = |angle: &f64| platform.gimbals().refusal(axis, *angle).is_none();
+/// The angles of an axis, degrees, that are the same direction as `angle` and can be set.
+fn settings(platform: &Platform, axis: usize, angle: Degrees) -> Vec<f64> {
+    let allowed = |deg: &f64| platform.gimbals().refusal(axis, *deg).is_none();
     let Some(range) = platform.gimbals().ranges[axis] else {
-        return vec![wrap_half_turn(angle)]
+        return vec![angle.wrapped().deg()]
             .into_iter()
             .filter(allowed)
             .collect();
     };
-    let near: Vec<f64> = TURNS
-        .map(|turn| angle + TAU * turn)
-        .into_iter()
-        .filter(allowed)
-        .collect();
+    let turn = NanoDegrees::TURN.count();
+    let by = |turns: i64| (angle + Degrees::from(NanoDegrees::new(turns * turn))).deg();
+    let near: Vec<f64> = TURNS.map(by).into_iter().filter(allowed).collect();
     if !near.is_empty() {
         return near;
     }
-    let lowest = angle + TAU * ((range.low_rad - angle) / TAU).ceil();
+    // The fewest turns that lead to the lower end or beyond.
+    let missing = (*range.ends().start() - angle.nano).count();
+    let lowest = by(-(-missing).div_euclid(turn));
     vec![lowest].into_iter().filter(allowed).collect()
 }
 
@@ -129,22 +123,24 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
     }
 }
 
-/// Angle that the slowest axis turns, rad.
-fn distance(platform: &Platform, from: Position, to: Position) -> f64 {
-    let change = gimbal_change(platform, from, to);
-    change.iter().fold(0.0_f64, |max, c| max.max(c.abs()))
+/// Angle that the slowest axis turns, in whole 1e-9° so that equal ways are equally long.
+fn distance(platform: &Platform, from: Position, to: Position) -> i64 {
+    let change = way(platform, from, to, None);
+    change
+        .into_iter()
+        .fold(0, |max, c| max.max(c.nano.abs().count()))
 }
 
-/// The cheapest way through one option each, with its cost, rad.
+/// The cheapest way through one option each, with its cost, 1e-9°.
 fn quickest(
     platform: &Platform,
     options: &[Vec<Position>],
     start: Option<Position>,
     back: Option<Position>,
-) -> (f64, Vec<Position>) {
-    let mut cost: Vec<f64> = options[0]
+) -> (i64, Vec<Position>) {
+    let mut cost: Vec<i64> = options[0]
         .iter()
-        .map(|p| start.map_or(0.0, |s| distance(platform, s, *p)))
+        .map(|p| start.map_or(0, |s| distance(platform, s, *p)))
         .collect();
     let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(options.len());
     for pair in options.windows(2) {
@@ -162,7 +158,7 @@ fn quickest(
     }
     let last = &options[options.len() - 1];
     let ends = last.iter().zip(&cost).enumerate().map(|(i, (p, cost))| {
-        let home = back.map_or(0.0, |b| distance(platform, *p, b));
+        let home = back.map_or(0, |b| distance(platform, *p, b));
         (cost + home, i)
     });
     let (total, mut chosen) = cheapest(ends);
@@ -175,10 +171,10 @@ fn quickest(
     (total, way)
 }
 
-/// The least cost and its index; the first but for rounding.
-fn cheapest(ways: impl Iterator<Item = (f64, usize)>) -> (f64, usize) {
-    ways.fold((f64::INFINITY, 0), |best, way| {
-        if way.0 < best.0 - 1e-12 { way } else { best }
+/// The least cost and its index; the first of equal ones.
+fn cheapest(ways: impl Iterator<Item = (i64, usize)>) -> (i64, usize) {
+    ways.fold((i64::MAX, 0), |best, way| {
+        if way.0 < best.0 { way } else { best }
     })
 }
 
@@ -213,8 +209,9 @@ mod tests {
                 assert!(!all.is_empty(), "{angles:?}");
                 for found in all {
                     let difference = found.attitude().matrix() - p.attitude().matrix();
-                    assert!(difference.amax() < 1e-12, "{angles:?} {found:?}");
-                    for (axis, angle) in found.to_array().into_iter().enumerate() {
+                    assert!(difference.amax() < 1e-15, "{angles:?} {found:?}");
+                    assert_eq!(found.attitude_key(), p.attitude_key());
+                    for (axis, angle) in found.degrees().into_iter().enumerate() {
                         assert_eq!(platform.gimbals().refusal(axis, angle), None);
                     }
                 }
@@ -248,7 +245,7 @@ mod tests {
             ]
             .map(|a| Position::from_deg(a[0], a[1], a[2]));
             let [least, as_given] = check_quickest(&platform, &astray);
-            assert!(least < as_given - 0.1);
+            assert!(least < as_given - 6_000_000_000);
             let fraction = |i: usize, k: f64| (0.3 + i as f64 * k).fract();
             for case in 0..20 {
                 let positions: Vec<Position> = (0..4)
@@ -265,7 +262,7 @@ mod tests {
     }
 
     /// The least length of all ways, which is that of the way found, and the length as given.
-    fn check_quickest(platform: &Platform, positions: &[Position]) -> [f64; 2] {
+    fn check_quickest(platform: &Platform, positions: &[Position]) -> [i64; 2] {
         let motion = platform.motion();
         let length = |way: &[Position]| {
             let mut stops = way.to_vec();
@@ -276,7 +273,7 @@ mod tests {
                 stops.insert(0, home);
             }
             let moves = stops.windows(2).map(|w| distance(platform, w[0], w[1]));
-            moves.sum::<f64>()
+            moves.sum::<i64>()
         };
         let mut ways: Vec<Vec<Position>> = vec![Vec::new()];
         for p in positions {
@@ -287,9 +284,9 @@ mod tests {
                 .flat_map(|w| options.iter().map(|o| [w.as_slice(), &[*o]].concat()))
                 .collect();
         }
-        let least = ways.iter().map(|w| length(w)).fold(f64::INFINITY, f64::min);
+        let least = ways.iter().map(|w| length(w)).min().unwrap();
         let found = quickest_positions(platform, positions);
-        assert!((length(&found) - least).abs() < 1e-9);
+        assert_eq!(length(&found), least);
         [least, length(positions)]
     }
 
@@ -301,7 +298,7 @@ mod tests {
             let there = Position::from_deg(40.0, beta, 10.0);
             let same = Position::from_deg(0.0, beta, 10.0 - sign * 40.0);
             let way = quickest_positions(&free, &[same, there]);
-            assert!(distance(&free, way[0], way[1]) < 1e-9, "{way:?}");
+            assert_eq!(distance(&free, way[0], way[1]), 0, "{way:?}");
         }
         // Beside it all three count.
         let beside = Position::from_deg(40.0, 89.0, 10.0);

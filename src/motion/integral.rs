@@ -12,7 +12,6 @@ use std::sync::LazyLock;
 use nalgebra::Matrix3;
 
 use super::Move;
-use crate::attitude::Position;
 use crate::drift::{DriftMatrix, drift_matrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::units::EARTH_RATE_RAD_PER_S;
@@ -167,7 +166,7 @@ impl Move {
     ) -> DriftMatrix {
         let mut b = DriftMatrix::zeros();
         for_each_node(self, length_s, |t, weight| {
-            let position = Position::from_array(self.angles_at((start_s + t) / self.duration_s));
+            let position = self.position_at((start_s + t) / self.duration_s);
             let phi: Matrix3<f64> = dynamics.transition(length_s - t) * weight;
             b += times_drift_matrix(&phi, &position.attitude());
         });
@@ -176,7 +175,7 @@ impl Move {
 
     /// A at the `fraction` of the move.
     pub(crate) fn drift_matrix_at(&self, fraction: f64) -> DriftMatrix {
-        drift_matrix(&Position::from_array(self.angles_at(fraction)).attitude())
+        drift_matrix(&self.position_at(fraction).attitude())
     }
 }
 
@@ -193,7 +192,7 @@ mod tests {
         for panel in 0..panels {
             for &(x, w) in &rule.nodes {
                 let t = width * (panel as f64 + x);
-                let p = Position::from_array(m.angles_at((start + t) / m.duration_s));
+                let p = m.position_at((start + t) / m.duration_s);
                 b += dynamics.transition(length - t) * drift_matrix(&p.attitude()) * (w * width);
             }
         }

@@ -192,7 +192,7 @@ fn add_block(
     let l = &timeline.legs()[leg];
     match (source, &l.arrival) {
         (RowSource::Move { fraction }, Some(m)) => {
-            let position = crate::attitude::Position::from_array(m.angles_at(fraction));
+            let position = m.position_at(fraction);
             let angles = drift_matrix_adjoint(position, &position.attitude(), a_adjoint);
             for (i, angle) in angles.into_iter().enumerate() {
                 gradient[leg].angles[i] += fraction * angle;

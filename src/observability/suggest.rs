@@ -17,14 +17,16 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 use super::Observability;
 use super::combinations::Combination;
 use super::regressor::{Change, Regressor, UNKNOWNS};
-use crate::attitude::{Attitude, EAST, NORTH, Position, UP, wrap_half_turn};
+use crate::attitude::{
+    Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal,
+};
 use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
-use crate::platform::Platform;
+use crate::platform::{Platform, multiples};
 use crate::schedule::{Schedule, ScheduledPosition};
-use crate::units::{Angle, RAD_PER_DEG};
+use crate::units::round_deg;
 
 type Unknowns = SVector<f64, UNKNOWNS>;
 type UnknownsMatrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
@@ -366,15 +368,13 @@ struct Axis {
 
 impl Axis {
     fn new(platform: &Platform, axis: usize) -> Self {
-        let unit_deg = platform
-            .gimbals()
-            .step_rad
-            .map_or(FINEST_DEG, |rad| Angle::from_rad(rad).deg());
+        let unit_deg = platform.gimbals().step_deg().unwrap_or(FINEST_DEG);
         let range = platform.gimbals().ranges[axis];
         // Every attitude has a triple with β in ±90°.
         let half_deg = if axis == 1 { 90.0 } else { 180.0 };
-        let [low_deg, high_deg] = range.map_or([-half_deg, half_deg], |r| {
-            let [low, high] = [r.low_rad, r.high_rad].map(|v| Angle::from_rad(v).deg());
+        let [low, high] = range.map_or([-half_deg, half_deg], |r| {
+            let (low, high) = r.ends().into_inner();
+            let [low, high] = [low, high].map(NanoDegrees::deg);
             // One turn is enough, and the one nearest zero is the natural one.
             if high - low > 360.0 {
                 let centre = 0.0_f64.clamp(low + 180.0, high - 180.0);
@@ -383,10 +383,12 @@ impl Axis {
                 [low, high]
             }
         });
+        let [low, high] = [low, high].map(NanoDegrees::nearest);
+        let within = multiples(unit_deg, low..=high);
         Self {
             unit_deg,
-            low: (low_deg / unit_deg - 1e-9).ceil() as i64,
-            high: (high_deg / unit_deg + 1e-9).floor() as i64,
+            low: i64::from(within.start),
+            high: i64::from(within.end) - 1,
             endless: range.is_none(),
         }
     }
@@ -396,13 +398,18 @@ impl Axis {
         (self.low..=self.high).step_by(stride).collect()
     }
 
-    /// The angle, rad, on an endless axis within a half turn where the index table allows.
+    /// The angle, degrees.
+    fn deg(&self, at: i64) -> f64 {
+        decimal(at as f64 * self.unit_deg)
+    }
+
+    /// The angle, degrees, on an endless axis within a half turn where the index table allows.
     fn tidy(&self, at: i64) -> f64 {
-        let angle = at as f64 * self.unit_deg * RAD_PER_DEG;
-        let steps = 360.0 / self.unit_deg;
-        match self.endless && (steps - steps.round()).abs() < 1e-9 {
-            true => wrap_half_turn(angle),
-            false => angle,
+        let steps = (360.0 / self.unit_deg).round();
+        let turn = NanoDegrees::nearest(steps * self.unit_deg);
+        match self.endless && turn == NanoDegrees::TURN {
+            true => Degrees::new(self.deg(at)).wrapped().deg(),
+            false => self.deg(at),
         }
     }
 
@@ -417,8 +424,8 @@ impl Axis {
 fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<(Position, usize)> {
     let axes: [Axis; 3] = std::array::from_fn(|i| Axis::new(platform, i));
     let position = |at: [i64; 3]| {
-        let rad = |i: usize| at[i] as f64 * axes[i].unit_deg * RAD_PER_DEG;
-        Position::from_rad(rad(0), rad(1), rad(2))
+        let deg = |i: usize| axes[i].deg(at[i]);
+        Position::from_deg(deg(0), deg(1), deg(2))
     };
     let mut examined = 0;
     let mut value = |at: [i64; 3]| {
@@ -446,7 +453,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
         }
     }
     best.map(|(_, at)| {
-        let deg = Position::from_array(std::array::from_fn(|i| axes[i].tidy(at[i]))).to_deg();
+        let deg: [f64; 3] = std::array::from_fn(|i| round_deg(axes[i].tidy(at[i])));
         (Position::from_deg(deg[0], deg[1], deg[2]), examined)
     })
 }

@@ -465,6 +465,7 @@ impl From<&Suggestion> for SuggestionRecord {
                 dwell_s: s.dwell_s,
                 move_s: None,
                 move_measured: None,
+                change_deg: None,
             },
             before: (&s.before).into(),
             after: (&s.after).into(),

@@ -12,8 +12,12 @@
 //! }
 //! ```
 //!
-//! CSV: the same columns with a header line, in any order; `move_s` and `move_measured` may be
-//! left out, as columns or as single empty cells. Lines that start with `#` and empty lines are
+//! A position that is not reached the short way round has `"change_deg": [Δα, Δβ, Δγ]`, the way
+//! taken from the position before.
+//!
+//! CSV: the same columns with a header line, in any order, `change_deg` as `alpha_change_deg`,
+//! `beta_change_deg`, `gamma_change_deg`; what is optional may be left out, as columns or as single
+//! empty cells. Lines that start with `#` and empty lines are
 //! skipped.
 //!
 //! Angles are written rounded to 1e-9°, so that reading a written schedule and writing it again
@@ -31,21 +35,36 @@ use serde::{Deserialize, Serialize};
 use super::{Schedule, ScheduledPosition, text};
 use crate::attitude::Position;
 use crate::error::{Error, Result};
+use crate::units::round_deg;
 
 /// Name and major version of the JSON schedule document.
 pub const SCHEMA: &str = "scheme-opt/schedule/1";
 
-/// The columns of a schedule file, in the order they are written.
-const COLUMNS: [&str; 6] = [
+/// The columns of a CSV schedule, in the order they are written.
+const COLUMNS: [&str; 9] = [
     "alpha_deg",
     "beta_deg",
     "gamma_deg",
     "dwell_s",
     "move_s",
     "move_measured",
+    "alpha_change_deg",
+    "beta_change_deg",
+    "gamma_change_deg",
 ];
 /// How many of [`COLUMNS`] every position needs.
 const REQUIRED_COLUMNS: usize = 4;
+/// How many of [`COLUMNS`] hold one value of a position; the rest are the three of
+/// [`CHANGE_KEY`].
+const SINGLE_COLUMNS: usize = 6;
+/// What JSON calls the way to a position.
+const CHANGE_KEY: &str = "change_deg";
+
+/// The keys of a position in JSON, in the order they are written.
+fn json_keys() -> impl Iterator<Item = &'static str> {
+    let single = COLUMNS.into_iter().take(SINGLE_COLUMNS);
+    single.chain([CHANGE_KEY])
+}
 
 /// A schedule as a JSON document, for use inside other documents.
 ///
@@ -100,6 +119,11 @@ pub struct PositionRecord {
     /// Whether the filter measures during that move; none: as the platform has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub move_measured: Option<bool>,
+    /// The way taken from the position before (the first: from the start attitude), changes of
+    /// (α, β, γ), degrees, congruent to the target modulo 360; none: the short way on unlimited
+    /// axes, half turns positive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change_deg: Option<[f64; 3]>,
 }
 
 impl From<&ScheduledPosition> for PositionRecord {
@@ -113,6 +137,7 @@ impl From<&ScheduledPosition> for PositionRecord {
             dwell_s: p.dwell_s,
             move_s: p.move_s,
             move_measured: p.move_measured,
+            change_deg: p.change_deg.map(|c| c.map(|deg| round_deg(deg) + 0.0)),
         }
     }
 }
@@ -124,6 +149,7 @@ impl From<&PositionRecord> for ScheduledPosition {
             dwell_s: r.dwell_s,
             move_s: r.move_s,
             move_measured: r.move_measured,
+            change_deg: r.change_deg,
         }
     }
 }
@@ -244,10 +270,13 @@ pub fn to_json(schedule: &Schedule) -> String {
     );
     for (i, p) in schedule.positions().iter().enumerate() {
         let separator = if i == 0 { "" } else { ",\n" };
-        let cells = cells(&p.into());
-        let fields = COLUMNS
-            .iter()
-            .zip(cells)
+        let [cells @ .., alpha, beta, gamma] = cells(&p.into());
+        let change = match alpha.is_empty() {
+            true => String::new(),
+            false => format!("[{alpha}, {beta}, {gamma}]"),
+        };
+        let fields = json_keys()
+            .zip(cells.into_iter().chain([change]))
             .filter(|(_, cell)| !cell.is_empty());
         let fields: Vec<_> = fields.map(|(c, cell)| format!("\"{c}\": {cell}")).collect();
         let _ = write!(out, "{separator}    {{{}}}", fields.join(", "));
@@ -256,8 +285,7 @@ pub fn to_json(schedule: &Schedule) -> String {
     out
 }
 
-/// The schedule as CSV; the columns `move_s` and `move_measured` only where some position has
-/// them.
+/// The schedule as CSV; the optional columns only where some position has them.
 pub fn to_csv(schedule: &Schedule) -> String {
     let rows: Vec<_> = schedule
         .positions()
@@ -279,6 +307,10 @@ pub fn to_csv(schedule: &Schedule) -> String {
 /// The values of a position as text, in the order of [`COLUMNS`]; empty: not given.
 fn cells(record: &PositionRecord) -> [String; COLUMNS.len()] {
     let number = |v: f64| format!("{v:?}");
+    let change = |axis: usize| {
+        let change = record.change_deg.map(|change| change[axis]);
+        change.map_or_else(String::new, number)
+    };
     [
         number(record.alpha_deg),
         number(record.beta_deg),
@@ -288,6 +320,9 @@ fn cells(record: &PositionRecord) -> [String; COLUMNS.len()] {
         record
             .move_measured
             .map_or_else(String::new, |m| m.to_string()),
+        change(0),
+        change(1),
+        change(2),
     ]
 }
 
@@ -309,12 +344,16 @@ mod tests {
             0.0..1e7_f64,
             proptest::option::of(0.0..1e7_f64),
             proptest::option::of(any::<bool>()),
+            proptest::option::of([angle(), angle(), angle()]),
         );
-        let position = position.prop_map(|(a, dwell_s, move_s, move_measured)| ScheduledPosition {
-            position: Position::from_deg(a[0], a[1], a[2]),
-            dwell_s,
-            move_s,
-            move_measured,
+        let position = position.prop_map(|(a, dwell_s, move_s, move_measured, change_deg)| {
+            ScheduledPosition {
+                position: Position::from_deg(a[0], a[1], a[2]),
+                dwell_s,
+                move_s,
+                move_measured,
+                change_deg,
+            }
         });
         proptest::collection::vec(position, 1..5).prop_map(|p| Schedule::new(p).unwrap())
     }
@@ -366,6 +405,10 @@ mod tests {
         assert!(to_csv(&two).ends_with("90.0,0.0,1e-9,600.0,\n90.0,0.0,1e-9,600.0,true\n"));
         assert!(to_json(&two).contains("\"dwell_s\": 600.0, \"move_measured\": true}\n  ]"));
         assert!(to_json(&two).ends_with("}\n"));
+        position.change_deg = Some([-270.0, 0.0, 1e-9]);
+        let round = Schedule::new(vec![one.positions()[0], position]).unwrap();
+        assert!(to_csv(&round).ends_with("90.0,0.0,1e-9,600.0,true,-270.0,0.0,1e-9\n"));
+        assert!(to_json(&round).contains("true, \"change_deg\": [-270.0, 0.0, 1e-9]}\n"));
     }
 
     #[test]

@@ -447,7 +447,7 @@ mod tests {
             use StandardScheme as S;
             let prescribed = [S::Axis24, S::Rotation19, S::Rotation9, S::TwoAxis9];
             if !prescribed.contains(&scheme) {
-                assert!(scheme.positions().iter().all(|p| p.beta == 0.0));
+                assert!(scheme.positions().iter().all(|p| p.degrees()[1] == 0.0));
             }
         }
     }

@@ -7,12 +7,11 @@ use super::table::{OnTable, Table};
 use super::together::refine_all;
 use super::variables::{Plan, tidy_angle};
 use super::workshop::Workshop;
-use crate::attitude::Position;
+use crate::attitude::{Position, decimal, deg_of_rad};
 use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
-use crate::platform::Platform;
+use crate::platform::{Platform, multiples};
 use crate::schedule::periods;
-use crate::units::Angle;
 
 /// L-BFGS iterations of a full refinement.
 const FULL_ITERATIONS: u64 = 400;
@@ -278,18 +277,17 @@ fn round_angles(platform: &Platform, plan: &Plan) -> Plan {
 /// One angle (rad) to a multiple of 0.001° inside the axis' range, in degrees.
 pub(super) fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f64 {
     let angle = tidy_angle(platform, axis, angle);
-    let mut steps = (Angle::from_rad(angle).deg() / ANGLE_STEP_DEG).round();
+    let mut steps = (deg_of_rad(angle) / ANGLE_STEP_DEG).round() as i32;
     if let Some(range) = platform.gimbals().ranges[axis] {
         // Towards the middle where rounding would leave the range; a range narrower than a
         // step keeps its angle.
-        let low = (Angle::from_rad(range.low_rad).deg() / ANGLE_STEP_DEG - 1e-6).ceil();
-        let high = (Angle::from_rad(range.high_rad).deg() / ANGLE_STEP_DEG + 1e-6).floor();
-        if low > high {
-            return Angle::from_rad(angle).deg();
+        let within = multiples(ANGLE_STEP_DEG, range.ends());
+        if within.is_empty() {
+            return deg_of_rad(angle);
         }
-        steps = steps.clamp(low, high);
+        steps = steps.clamp(within.start, within.end - 1);
     }
-    crate::units::round_deg(steps * ANGLE_STEP_DEG)
+    decimal(f64::from(steps) * ANGLE_STEP_DEG)
 }
 
 /// Dwells to whole filter periods, as many as the total time leaves.

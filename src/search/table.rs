@@ -7,7 +7,7 @@
 //! dwells are allocated and idle positions dropped, as for free angles.
 
 use std::collections::HashMap;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -25,6 +25,7 @@ use crate::covariance::incremental::Cuts;
 use crate::criterion::Smoothing;
 use crate::motion::Timeline;
 use crate::platform::Platform;
+use crate::units::RAD_PER_DEG;
 
 /// Up to this many places of the table (45° and coarser) every start is improved by exchange.
 const COARSE: usize = 1_000;
@@ -62,23 +63,12 @@ pub(super) struct Table {
 impl Table {
     /// The table of `platform`; none without an index step.
     pub fn new(platform: &Platform) -> Option<Self> {
-        let step = platform.gimbals().step_rad?;
-        let angles = platform.gimbals().ranges.map(|range| {
-            let (first, last) = match range {
-                Some(r) => (
-                    (r.low_rad / step - 1e-9).ceil() as i64,
-                    (r.high_rad / step + 1e-9).floor() as i64,
-                ),
-                // An unlimited axis counts each angle once, in (−180°, 180°].
-                None => (
-                    (-PI / step + 1e-9).floor() as i64 + 1,
-                    (PI / step + 1e-9).floor() as i64,
-                ),
-            };
-            (first..=last).map(|k| k as f64 * step).collect()
-        });
+        let settings = |axis| -> Option<Vec<f64>> {
+            let deg = platform.gimbals().settings_deg(axis)?;
+            Some(deg.map(|deg| deg * RAD_PER_DEG).collect())
+        };
         Some(Self {
-            angles,
+            angles: [settings(0)?, settings(1)?, settings(2)?],
             attitudes: OnceLock::new(),
         })
     }
@@ -216,16 +206,14 @@ impl Table {
     }
 }
 
-/// The triples of a table by the attitude they are; rounded cosines tell attitudes apart.
+/// The triples of a table by the attitude they are.
 fn by_attitude(angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
-    let mut known: HashMap<[i64; 9], usize> = HashMap::new();
+    let mut known: HashMap<[i64; 3], usize> = HashMap::new();
     let mut attitudes: Vec<Vec<[f64; 3]>> = Vec::new();
     for &a in &angles[0] {
         for &b in &angles[1] {
             for &g in &angles[2] {
-                let matrix = *Position::from_rad(a, b, g).attitude().matrix();
-                // Half a unit off, so that a cosine of zero does not round both ways.
-                let key = std::array::from_fn(|i| (matrix[i] * 1e6 + 0.25).round() as i64);
+                let key = Position::from_rad(a, b, g).attitude_key();
                 let index = *known.entry(key).or_insert_with(|| {
                     attitudes.push(Vec::new());
                     attitudes.len() - 1

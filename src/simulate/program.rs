@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Matrix3;
 
-use crate::attitude::{Attitude, Position};
+use crate::attitude::Attitude;
 use crate::covariance::split_periods;
 use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
@@ -196,7 +196,7 @@ impl Builder {
             let attitudes = (0..=2 * steps)
                 .map(|i| {
                     let t = piece.start_s + piece.length_s * i as f64 / (2 * steps) as f64;
-                    Position::from_array(m.angles_at(t / m.duration_s)).attitude()
+                    m.position_at(t / m.duration_s).attitude()
                 })
                 .collect();
             let b = m.drift_integral(&self.dynamics, piece.start_s, piece.length_s);

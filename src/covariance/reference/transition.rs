@@ -91,9 +91,7 @@ pub(super) fn runge_kutta_integral(
     let h = length_s / steps;
     let f = system_matrix::<f64>(earth_rate);
     let a_at = |t: f64| {
-        drift_columns::<f64>(Position::from_array(
-            m.angles_at((start_s + t) / m.duration_s),
-        ))
+        drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s))
     };
     let mut b = zeros::<f64, 3, COEFFICIENTS>();
     let mut a0 = a_at(0.0);

@@ -74,7 +74,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     }
     #[inline(always)]
     fn alpha(&self, leg: usize) -> (f64, f64) {
-        libm::sincos(self.timeline.legs()[leg].position.alpha)
+        self.timeline.legs()[leg].position.sines_of_alpha()
     }
     #[inline(always)]
     fn rotates(&self, _: usize) -> bool {
@@ -118,7 +118,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
         };
         Stretch {
             turn: Turn {
-                from: m.from,
+                from: m.reduced_from(),
                 change: m.change,
                 duration_s: m.duration_s,
             },

@@ -14,7 +14,6 @@ use crate::report::figure::{Color, Dash, Shape};
 
 use super::pictures::gravity;
 use super::subject::{Sense, Subject};
-use crate::attitude::Position;
 
 type Drawn = Result<(), DrawingAreaErrorKind<std::convert::Infallible>>;
 type Area = DrawingArea<Canvas, Shift>;
@@ -176,8 +175,7 @@ fn draw_axes(area: &Area, half: Half) -> Drawn {
 fn draw_turn(area: &Area, ink: &Ink, half: Half, m: &Move) -> Drawn {
     const STEPS: usize = 60;
     let points: Vec<Option<(i32, i32)>> = (0..=STEPS)
-        .map(|k| m.angles_at(k as f64 / STEPS as f64))
-        .map(|angles| half.project(gravity(Position::from_array(angles))))
+        .map(|k| half.project(gravity(m.position_at(k as f64 / STEPS as f64))))
         .collect();
     ink.set_dash(Dash::Dotted);
     for piece in points.split(Option::is_none) {

@@ -1,7 +1,9 @@
 //! Reading the CSV form: numbers and truth values only, so that a line is always a row and no
 //! cell holds a comma.
 
-use super::{COLUMNS, PositionRecord, REQUIRED_COLUMNS, position_key};
+use super::{
+    CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, position_key,
+};
 use crate::error::{Error, Result};
 use crate::schedule::{MAX_POSITIONS, Schedule, text};
 
@@ -40,8 +42,17 @@ fn located(header: &Header, rows: &[Row<'_>], error: Error) -> Error {
     let found = error.key().and_then(|key| {
         let (index, field) = position_key(key)?;
         let row = rows.get(index)?;
-        let column = COLUMNS.iter().position(|c| *c == field)?;
-        Some((row.line, header.cell(row, column)?.to_owned()))
+        let cells = match field {
+            CHANGE_KEY => (SINGLE_COLUMNS..COLUMNS.len())
+                .map(|column| header.cell(row, column).unwrap_or_default())
+                .collect::<Vec<_>>()
+                .join(","),
+            _ => {
+                let column = COLUMNS.iter().position(|c| *c == field)?;
+                header.cell(row, column)?.to_owned()
+            }
+        };
+        Some((row.line, cells))
     });
     match found {
         Some((line, value)) => error.with_line(line).with_value(text::shown(&value)),
@@ -170,6 +181,16 @@ impl Header {
                 None => None,
                 Some(cell) => Some(truth_value(cell).map_err(|e| fail(5, e))?),
             },
+            change_deg: match [optional(6)?, optional(7)?, optional(8)?] {
+                [Some(alpha), Some(beta), Some(gamma)] => Some([alpha, beta, gamma]),
+                [None, None, None] => None,
+                some => {
+                    let absent = some.iter().position(Option::is_none).unwrap_or_default();
+                    let error = Error::input("missing beside the other changes");
+                    let error = error.with_allowed("a number, or all three left empty");
+                    return Err(fail(SINGLE_COLUMNS + absent, error));
+                }
+            },
         })
     }
 }
@@ -260,11 +281,31 @@ mod tests {
                 Some("yes"),
                 "true or false",
             ),
+            (
+                "0,0,0,1,,,1,2",
+                "gamma_change_deg",
+                None,
+                "all three left empty",
+            ),
+            (
+                "0,0,0,1,,,1,far,2",
+                "beta_change_deg",
+                Some("far"),
+                "a number",
+            ),
+            (
+                "0,0,0,1,,,1,inf,2",
+                "change_deg",
+                Some("1,inf,2"),
+                "-36000 to 36000",
+            ),
             ("\"0,0\",0,0,1", "alpha_deg", Some("\"0"), "with a point"),
             ("0;0,0,0,1", "alpha_deg", Some("0;0"), "with a point"),
         ] {
             let text = format!(
-                "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured\n0,0,0,1\n\n# next\n{row}\n"
+                "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured,\
+                 alpha_change_deg,beta_change_deg,gamma_change_deg\n\
+                 0,0,0,1\n\n# next\n{row}\n"
             );
             let error = parse(&text).unwrap_err();
             assert!(error.is_input());

@@ -7,7 +7,9 @@ use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
-use super::{COLUMNS, PositionRecord, REQUIRED_COLUMNS, check_schema, position_key};
+use super::{
+    CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, check_schema, json_keys, position_key,
+};
 use crate::error::{Error, Result};
 use crate::schedule::{MAX_POSITIONS, Schedule, text};
 
@@ -37,7 +39,8 @@ pub(super) fn parse(document: &str) -> Result<Schedule> {
 /// One element of `positions`.
 fn position(document: &str, index: usize, item: &RawValue) -> Result<PositionRecord> {
     let record = Record::parse(document, item.get(), &format!("positions[{index}]"))?;
-    record.check_keys(&COLUMNS)?;
+    let known: Vec<&str> = json_keys().collect();
+    record.check_keys(&known)?;
     let required: &[&str] = &COLUMNS[..REQUIRED_COLUMNS];
     if let Some(name) = required.iter().find(|name| record.get(name).is_none()) {
         return Err(record.missing(name));
@@ -49,6 +52,7 @@ fn position(document: &str, index: usize, item: &RawValue) -> Result<PositionRec
         dwell_s: record.required_number("dwell_s")?,
         move_s: record.number("move_s")?,
         move_measured: record.boolean("move_measured")?,
+        change_deg: record.numbers(CHANGE_KEY)?,
     })
 }
 
@@ -210,6 +214,16 @@ impl<'a> Record<'a> {
         }
     }
 
+    /// Three numbers; `None` when the key is absent or its value null.
+    fn numbers(&self, name: &str) -> Result<Option<[f64; 3]>> {
+        match self.get(name).map(RawValue::get) {
+            None | Some("null") => Ok(None),
+            Some(raw) => serde_json::from_str(raw)
+                .map(Some)
+                .map_err(|_| self.wrong_type(name, raw, "three numbers, [0.0, -270.0, 90.0]")),
+        }
+    }
+
     /// A truth value; `None` when the key is absent or its value null.
     fn boolean(&self, name: &str) -> Result<Option<bool>> {
         match self.get(name).map(RawValue::get) {
@@ -362,6 +376,18 @@ mod tests {
                 Some("\"yes\""),
                 "true or false",
             ),
+            (
+                "\"dwell_s\": 1, \"change_deg\": [1, 2]",
+                "change_deg",
+                Some("[1, 2]"),
+                "three numbers",
+            ),
+            (
+                "\"dwell_s\": 1, \"change_deg\": [1, 2, 40000]",
+                "change_deg",
+                Some("[1, 2, 40000]"),
+                "-36000 to 36000",
+            ),
         ] {
             let error = parse(&with_position(&format!("{rest}, {field}"))).unwrap_err();
             assert!(error.is_input());
@@ -422,7 +448,7 @@ mod tests {
     fn null_and_left_out_mean_the_same_for_what_is_optional() {
         let rest = "\"alpha_deg\": 0, \"beta_deg\": 0, \"gamma_deg\": 0, \"dwell_s\": 1";
         let nulls = parse(&with_position(&format!(
-            "{rest}, \"move_s\": null, \"move_measured\": null"
+            "{rest}, \"move_s\": null, \"move_measured\": null, \"change_deg\": null"
         )));
         assert_eq!(nulls.unwrap(), parse(&with_position(rest)).unwrap());
     }
