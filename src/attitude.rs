@@ -361,10 +361,7 @@ mod tests {
         assert_eq!(wrap_half_turn(3.0 * PI), PI);
         assert!((wrap_half_turn(-0.1 - 4.0 * PI) + 0.1).abs() < 1e-14);
         // In radians this is a little more than −π.
-        assert_eq!(
-            wrap_half_turn((30.0 - 210.0) * RAD_PER_DEG + 1e-15),
-            PI
-        );
+        assert_eq!(wrap_half_turn((30.0 - 210.0) * RAD_PER_DEG + 1e-15), PI);
     }
 
     #[test]

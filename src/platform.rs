@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{NanoDegrees, decimal, Position, deg_of_rad, earth_rate_n};
+use crate::attitude::{NanoDegrees, Position, decimal, deg_of_rad, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::schedule::Schedule;
@@ -230,7 +230,7 @@ impl Gimbals {
     /// What is allowed on `axis`, in words, if the angle (degrees) is not.
     pub(crate) fn refusal(&self, axis: usize, deg: f64) -> Option<String> {
         if let Some(range) = self.ranges[axis]
-            && !range.ends().contains(&NanoDegrees::nearest(deg))
+            && (deg.is_nan() || !range.ends().contains(&NanoDegrees::nearest(deg)))
         {
             let (low, high) = range.ends().into_inner();
             let (low, high) = (low.deg(), high.deg());
@@ -566,6 +566,46 @@ mod tests {
                 .unwrap_or_default()
                 .contains("step_deg = 10")
         );
+    }
+
+    #[test]
+    fn ranges_and_tables_are_decided_in_the_decimals_of_files() {
+        let mut config = PlatformConfig::default();
+        config.gimbals.alpha_deg = Some([-60.1, 213.3]);
+        let limited = *config.check().unwrap().gimbals();
+        for (deg, allowed) in [
+            (-60.1, true),
+            (213.3, true),
+            (f64::to_degrees(213.3_f64.to_radians()), true),
+            (-60.100_000_001, false),
+            (213.300_000_001, false),
+            (f64::NAN, false),
+        ] {
+            assert_eq!(limited.refusal(0, deg).is_none(), allowed, "{deg}");
+        }
+        for step in [0.1, 0.7, 7.5, 15.0, 360.0 / 7.0, 180.0] {
+            config.gimbals.step_deg = Some(step);
+            config.gimbals.alpha_deg = None;
+            config.gimbals.gamma_deg = Some([-2.0 * step, 4.0 * step]);
+            let table = *config.check().unwrap().gimbals();
+            for k in -100..=100 {
+                let multiple = f64::from(k) * step;
+                for deg in [multiple, round_deg(multiple)] {
+                    assert_eq!(table.refusal(0, deg), None, "{step}: {deg}");
+                }
+                let beside = round_deg(multiple) + 1.1e-9;
+                assert!(table.refusal(0, beside).is_some(), "{step}: {beside}");
+            }
+            let settings: Vec<f64> = table.settings_deg(0).unwrap().collect();
+            assert!(settings.iter().all(|deg| table.refusal(0, *deg).is_none()));
+            assert!(settings[0] > -180.0 && settings[settings.len() - 1] <= 180.0);
+            assert_eq!(
+                settings.len() as f64,
+                (360.0 / step + 1e-6).floor(),
+                "{step}"
+            );
+            assert_eq!(table.settings_deg(2).unwrap().len(), 7);
+        }
     }
 
     #[test]

@@ -42,6 +42,7 @@ mod table;
 mod together;
 mod tumbling;
 pub mod variables;
+mod ways;
 mod workshop;
 
 use serde::{Deserialize, Serialize};
@@ -167,7 +168,7 @@ pub fn search(
     };
     let best = best_candidate(context, &[])?;
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
-    let mut schedule = best.plan.to_schedule()?;
+    let mut schedule = best.plan.to_schedule(evaluator.platform())?;
     if problem.allow_tumbling
         && !context.must_stop()
         && let Some((criterion, turning)) = tumbling::tumble(context, &best.plan)

@@ -173,9 +173,12 @@ fn quickest(
 
 /// The least cost and its index; the first of equal ones.
 fn cheapest(ways: impl Iterator<Item = (i64, usize)>) -> (i64, usize) {
-    ways.fold((i64::MAX, 0), |best, way| {
-        if way.0 < best.0 { way } else { best }
-    })
+    ways.fold(
+        (i64::MAX, 0),
+        |best, way| {
+            if way.0 < best.0 { way } else { best }
+        },
+    )
 }
 
 #[cfg(test)]

@@ -17,9 +17,7 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 use super::Observability;
 use super::combinations::Combination;
 use super::regressor::{Change, Regressor, UNKNOWNS};
-use crate::attitude::{
-    Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal,
-};
+use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
 use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};

@@ -70,14 +70,12 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
     let evaluator = context.evaluator;
     let platform = evaluator.platform();
     let shortest = 0.5 * platform.shortest_dwell_s();
-    let mut next = Plan {
-        angles: Vec::new(),
-        dwell_s: Vec::new(),
-    };
-    for ((angles, dwell), change) in plan.angles.iter().zip(&plan.dwell_s).zip(step) {
-        if dwell + change >= shortest {
-            next.angles.push(*angles);
-            next.dwell_s.push(dwell + change);
+    let mut next = plan.clone();
+    for (k, change) in step.iter().enumerate().rev() {
+        next.dwell_s[k] += change;
+        // From the last on, so that the places of the others stay.
+        if next.dwell_s[k] < shortest {
+            next.remove(k);
         }
     }
     let next = next.fitted(platform, context.problem.total_time_s)?;

@@ -37,6 +37,10 @@ pub struct FinishedPlan {
     pub angles_rad: Vec<[f64; 3]>,
     /// Dwell at each position, s.
     pub dwell_s: Vec<f64>,
+    /// Changes of (α, β, γ) on the way to each position, rad, where it is not the short one; empty
+    /// where none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes_rad: Vec<Option<[f64; 3]>>,
     /// The figure of merit, lower is better.
     pub merit: f64,
     /// Value of the criterion (°/h; max-ratio: 1), where it is known.
@@ -111,6 +115,7 @@ impl Memorable for Refined {
         FinishedPlan {
             angles_rad: self.plan.angles.clone(),
             dwell_s: self.plan.dwell_s.clone(),
+            changes_rad: said(&self.plan),
             merit: self.merit,
             criterion: None,
         }
@@ -129,6 +134,7 @@ impl Memorable for Candidate {
         FinishedPlan {
             angles_rad: self.plan.angles.clone(),
             dwell_s: self.plan.dwell_s.clone(),
+            changes_rad: said(&self.plan),
             merit: self.merit,
             criterion: Some(self.criterion),
         }
@@ -146,20 +152,35 @@ impl Memorable for Candidate {
 impl FinishedPlan {
     fn is_finite(&self) -> bool {
         let angles = self.angles_rad.iter().flatten();
-        let numbers = angles.chain(&self.dwell_s).chain(&self.criterion);
+        let changes = self.changes_rad.iter().flatten().flatten();
+        let numbers = angles.chain(&self.dwell_s).chain(changes);
+        let numbers = numbers.chain(&self.criterion);
         self.merit.is_finite() && numbers.copied().all(f64::is_finite)
     }
 }
 
+/// The ways of a plan as far as there is something to say.
+fn said(plan: &Plan) -> Vec<Option<[f64; 3]>> {
+    match plan.ways.iter().any(Option::is_some) {
+        true => plan.ways.clone(),
+        false => Vec::new(),
+    }
+}
+
 /// None for what no search wrote: a journal may come from a file.
-fn plan(finished: FinishedPlan) -> Option<Plan> {
+fn plan(mut finished: FinishedPlan) -> Option<Plan> {
+    if finished.changes_rad.is_empty() {
+        finished.changes_rad = vec![None; finished.angles_rad.len()];
+    }
     let sound = finished.is_finite()
         && !finished.angles_rad.is_empty()
         && finished.angles_rad.len() == finished.dwell_s.len()
+        && finished.angles_rad.len() == finished.changes_rad.len()
         && finished.dwell_s.iter().all(|d| *d >= 0.0);
     sound.then_some(Plan {
         angles: finished.angles_rad,
         dwell_s: finished.dwell_s,
+        ways: finished.changes_rad,
     })
 }
 

@@ -5,7 +5,7 @@ use super::pipeline::{Candidate, Context, rate};
 use super::refine::{Refined, refine, refine_angles};
 use super::table::{OnTable, Table};
 use super::together::refine_all;
-use super::variables::{Plan, tidy_angle};
+use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::{Position, decimal, deg_of_rad};
 use crate::covariance::TickRule;
@@ -164,14 +164,14 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
         };
         let refined = refine_angles(context, &plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined {
-            let settled = round_angles(platform, &refined.plan);
+            let settled = rounded(platform, &refined.plan);
             // With a kink the smooth form may have led away from the criterion.
             if exact_merit(context, &settled) < exact_merit(context, &plan) {
                 plan = settled;
             }
         }
     }
-    final_figures(context, shift_periods(context, plan))
+    final_figures(context, shift_periods(context, best_ways(context, plan)))
 }
 
 /// By how much the moves of a plan are shortened, in turn, until it fits when rounded.
@@ -186,8 +186,29 @@ fn rounded_to_fit(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option
             true => plan.with_shorter_moves(platform, share),
             false => plan.clone(),
         };
-        with_whole_periods(platform, &round_angles(platform, &plan), total_time_s)
+        with_whole_periods(platform, &rounded(platform, &plan), total_time_s)
     })
+}
+
+/// Ways turned the other way round as long as the criterion gets better by it and the test no
+/// longer: a half turn is as long either way.
+fn best_ways(context: Context<'_>, mut plan: Plan) -> Plan {
+    let platform = context.evaluator.platform();
+    let total_time_s = plan.timeline(platform).total_time_s();
+    let mut merit = exact_merit(context, &plan);
+    for _ in 0..3 * plan.angles.len() {
+        let others = plan.other_ways(platform).into_iter();
+        let as_short =
+            others.filter(|p| p.timeline(platform).total_time_s() <= total_time_s * (1.0 + 1e-12));
+        let rated = as_short.map(|p| (exact_merit(context, &p), p));
+        match rated.reduce(|best, p| if p.0 < best.0 { p } else { best }) {
+            Some((better, other)) if better < merit - 1e-9 && !context.must_stop() => {
+                (merit, plan) = (better, other);
+            }
+            _ => break,
+        }
+    }
+    plan
 }
 
 /// Moves of a period from one dwell to another, at most.
@@ -238,7 +259,7 @@ fn exact_merit(context: Context<'_>, plan: &Plan) -> f64 {
 pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let platform = context.evaluator.platform();
     let plan = with_whole_periods(platform, plan, context.problem.total_time_s)?;
-    final_figures(context, shift_periods(context, plan))
+    final_figures(context, shift_periods(context, best_ways(context, plan)))
 }
 
 /// The final figures of a plan.
@@ -263,21 +284,24 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     })
 }
 
-/// Angles to multiples of 0.001°, inside the ranges.
-fn round_angles(platform: &Platform, plan: &Plan) -> Plan {
+/// The plan with rounded angles; the ways stay.
+fn rounded(platform: &Platform, plan: &Plan) -> Plan {
     let mut rounded = plan.clone();
     for angles in &mut rounded.angles {
-        let deg: [f64; 3] =
-            std::array::from_fn(|axis| round_angle_deg(platform, axis, angles[axis]));
-        *angles = Position::from_deg(deg[0], deg[1], deg[2]).to_array();
+        *angles = round_angles(platform, *angles);
     }
     rounded
 }
 
+/// Angles (rad) to multiples of 0.001° inside the ranges, whole turns kept.
+pub(super) fn round_angles(platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
+    let deg = |axis: usize| round_angle_deg(platform, axis, angles[axis]);
+    Position::from_deg(deg(0), deg(1), deg(2)).to_array()
+}
+
 /// One angle (rad) to a multiple of 0.001° inside the axis' range, in degrees.
-pub(super) fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f64 {
-    let angle = tidy_angle(platform, axis, angle);
-    let mut steps = (deg_of_rad(angle) / ANGLE_STEP_DEG).round() as i32;
+fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f64 {
+    let mut steps = (deg_of_rad(angle) / ANGLE_STEP_DEG).round();
     if let Some(range) = platform.gimbals().ranges[axis] {
         // Towards the middle where rounding would leave the range; a range narrower than a
         // step keeps its angle.
@@ -285,17 +309,17 @@ pub(super) fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f
         if within.is_empty() {
             return deg_of_rad(angle);
         }
-        steps = steps.clamp(within.start, within.end - 1);
+        steps = steps.clamp(f64::from(within.start), f64::from(within.end - 1));
     }
-    decimal(f64::from(steps) * ANGLE_STEP_DEG)
+    decimal(steps * ANGLE_STEP_DEG)
 }
 
 /// Dwells to whole filter periods, as many as the total time leaves.
 fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
     let budget_s = total_time_s - plan.overhead_s(platform);
     let rounded = Plan {
-        angles: plan.angles.clone(),
         dwell_s: whole_periods(platform, &plan.dwell_s, budget_s)?,
+        ..plan.clone()
     };
     let total = rounded.timeline(platform).total_time_s();
     (total <= total_time_s * (1.0 + 1e-12)).then_some(rounded)

@@ -188,7 +188,7 @@ impl Sweep<'_> {
                 {
                     return Ok(turning);
                 }
-                candidate.plan.to_schedule()
+                candidate.plan.to_schedule(self.evaluator.platform())
             })
             .collect()
     }

@@ -8,6 +8,7 @@
 //! - **insertion** ([`super::insert`]): positions where the exact directional derivative over the
 //!   attitude set promises most; at the most positions allowed, in exchange for the one that
 //!   pays least;
+//! - **ways** ([`super::ways`]): one gimbal the other way round on one move near a half turn;
 //! - **kicks**: a position replaced, segments reversed or moved at random, all angles jittered.
 //!
 //! When a proposal wins, the lists are made anew; when several batches in a row win nothing, the
@@ -19,7 +20,7 @@ use rayon::prelude::*;
 
 use super::insert::insertions;
 use super::order::{moved, neighbours, reversed, with_quickest_positions};
-use super::pipeline::Context;
+use super::pipeline::{Context, rate};
 use super::propose::random_position;
 use super::refine::Refined;
 use super::variables::Plan;
@@ -33,6 +34,7 @@ const MOST_BATCHES: usize = 60;
 /// Proposals of each kind in a batch.
 const ORDERS: usize = 3;
 const INSERTIONS: usize = 3;
+const WAYS: usize = 2;
 const KICKS: usize = 6;
 /// A proposal has to gain this much.
 const GAIN: f64 = 2e-5;
@@ -104,6 +106,7 @@ fn charged(context: Context<'_>, refined: &Refined) -> f64 {
 struct Ideas {
     orders: Vec<Plan>,
     insertions: Vec<Plan>,
+    ways: Vec<Plan>,
 }
 
 impl Ideas {
@@ -115,22 +118,34 @@ impl Ideas {
                 .map(|r| r.plan)
                 .collect(),
             insertions: insertions(context, smoothing, plan, most),
+            ways: other_ways(context, smoothing, plan, PATIENCE * WAYS),
         };
         ideas.orders.reverse();
         ideas.insertions.reverse();
+        ideas.ways.reverse();
         ideas
     }
 
     /// The next proposals: as many of each kind as there are, and kicks.
     fn batch(&mut self, context: Context<'_>, plan: &Plan, random: &mut ChaCha8Rng) -> Vec<Plan> {
-        let mut batch = Vec::with_capacity(ORDERS + INSERTIONS + KICKS);
+        let mut batch = Vec::with_capacity(ORDERS + INSERTIONS + WAYS + KICKS);
         let take =
             |list: &mut Vec<Plan>, count: usize| list.split_off(list.len().saturating_sub(count));
         batch.extend(take(&mut self.orders, ORDERS));
         batch.extend(take(&mut self.insertions, INSERTIONS));
+        batch.extend(take(&mut self.ways, WAYS));
         batch.extend((0..KICKS).map(|kind| kick(context, plan, kind, random)));
         batch
     }
+}
+
+/// The `most` best plans in which one gimbal turns the other way round on one move, best first.
+fn other_ways(context: Context<'_>, smoothing: Smoothing, plan: &Plan, most: usize) -> Vec<Plan> {
+    let others = plan.other_ways(context.evaluator.platform());
+    let rated = others.iter().map(|plan| rate(context, plan, smoothing));
+    let mut rated: Vec<Refined> = rated.flatten().collect();
+    rated.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+    rated.into_iter().take(most).map(|r| r.plan).collect()
 }
 
 /// A random change of `plan`.
@@ -142,14 +157,14 @@ fn kick(context: Context<'_>, plan: &Plan, kind: usize, random: &mut ChaCha8Rng)
         0 | 1 => {
             for _ in 0..=kind {
                 let k = random.random_range(0..count);
-                kicked.angles[k] = random_position(platform, random).to_array();
+                kicked.replace(k, random_position(platform, random).to_array());
             }
         }
         2 => {
             let (i, j) = (random.random_range(0..count), random.random_range(0..count));
             kicked = reversed(plan, i.min(j), i.max(j));
             let k = random.random_range(0..count);
-            kicked.angles[k] = random_position(platform, random).to_array();
+            kicked.replace(k, random_position(platform, random).to_array());
         }
         3 => {
             let length = random.random_range(1..=count.div_ceil(2));

@@ -14,12 +14,13 @@ use super::pipeline::{Context, rate};
 use super::refine::Refined;
 use super::table::Table;
 use super::variables::Plan;
-use crate::attitude::{Attitude, Position};
+use super::ways::in_deg;
+use crate::attitude::{Attitude, Degrees, Position};
 use crate::covariance::incremental::{Cuts, Insertion};
 use crate::covariance::{TickRule, covariance_from_information};
 use crate::criterion::Smoothing;
 use crate::drift::{CoefficientMatrix, drift_matrix};
-use crate::motion::{equivalent_positions, gimbal_change};
+use crate::motion::{equivalent_positions, way};
 use crate::platform::Platform;
 
 /// Attitudes tried at every gap.
@@ -54,8 +55,7 @@ pub(super) fn insertions(
         .take(4 * most)
         .filter_map(|(gap, position)| {
             let mut longer = base.clone();
-            longer.angles.insert(gap, position.to_array());
-            longer.dwell_s.insert(gap, gaps.dwell_s);
+            longer.insert(gap, position.to_array(), gaps.dwell_s);
             rate(
                 context,
                 &with_quickest_positions(context, longer),
@@ -176,17 +176,18 @@ pub(super) fn detour_s(platform: &Platform, plan: &Plan, gap: usize, position: P
     let Some(rate) = motion.slew_rate_rad_per_s else {
         return motion.settle_s;
     };
-    let way = |from: Position, to: Position| {
-        let change = gimbal_change(platform, from, to);
+    let by_way = |from: Position, to: Position, given: Option<[f64; 3]>| {
+        let change = way(platform, from, to, given).map(Degrees::rad);
         change.iter().fold(0.0_f64, |max, c| max.max(c.abs())) / rate
     };
+    let short = |from: Position, to: Position| by_way(from, to, None);
     let at = |k: usize| plan.angles.get(k).map(|a| Position::from_array(*a));
     let before = gap.checked_sub(1).map_or(platform.standing(), at);
     let after = at(gap);
-    let to = before.map_or(0.0, |b| way(b, position));
-    let on = after.map_or(0.0, |a| way(position, a));
+    let to = before.map_or(0.0, |b| short(b, position));
+    let on = after.map_or(0.0, |a| short(position, a));
     let direct = match (before, after) {
-        (Some(b), Some(a)) => way(b, a),
+        (Some(b), Some(a)) => by_way(b, a, plan.ways[gap].map(in_deg)),
         _ => 0.0,
     };
     to + on - direct + motion.settle_s

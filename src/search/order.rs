@@ -42,8 +42,7 @@ enum Change {
 /// The plan with positions `from..=to` the other way round.
 pub(super) fn reversed(plan: &Plan, from: usize, to: usize) -> Plan {
     let mut changed = plan.clone();
-    changed.angles[from..=to].reverse();
-    changed.dwell_s[from..=to].reverse();
+    changed.reverse(from, to);
     changed
 }
 
@@ -51,10 +50,7 @@ pub(super) fn reversed(plan: &Plan, from: usize, to: usize) -> Plan {
 /// position `to`.
 pub(super) fn moved(plan: &Plan, from: usize, length: usize, to: usize) -> Plan {
     let mut changed = plan.clone();
-    let angles: Vec<_> = changed.angles.drain(from..from + length).collect();
-    let dwells: Vec<_> = changed.dwell_s.drain(from..from + length).collect();
-    changed.angles.splice(to..to, angles);
-    changed.dwell_s.splice(to..to, dwells);
+    changed.displace(from, length, to);
     changed
 }
 
@@ -65,8 +61,7 @@ pub(super) fn with_quickest_positions(context: Context<'_>, mut plan: Plan) -> P
         .iter()
         .map(|a| Position::from_array(*a))
         .collect();
-    let quickest = quickest_positions(context.evaluator.platform(), &positions);
-    plan.angles = quickest.into_iter().map(Position::to_array).collect();
+    plan.set_positions(quickest_positions(context.evaluator.platform(), &positions));
     plan
 }
 
@@ -177,10 +172,10 @@ pub fn best_order(
         control: &Control::new(&cancel, &|_| {}),
         work: &work,
     };
-    let given = Plan {
-        angles: positions.iter().map(|p| p.position.to_array()).collect(),
-        dwell_s: vec![total_time_s; positions.len()],
-    };
+    let given = Plan::new(
+        positions.iter().map(|p| p.position.to_array()).collect(),
+        vec![total_time_s; positions.len()],
+    );
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut starts = vec![given.clone()];
     for _ in 0..RANDOM_ORDERS {
@@ -192,7 +187,7 @@ pub fn best_order(
         .into_iter()
         .filter_map(|start| descend(context, start))
         .reduce(Refined::better)?;
-    best.plan.to_schedule().ok()
+    best.plan.to_schedule(evaluator.platform()).ok()
 }
 
 /// The order that no change makes better.
@@ -215,10 +210,10 @@ mod tests {
 
     fn plan(count: usize) -> Plan {
         let at = |k: usize| [k as f64, 0.0, 0.0];
-        Plan {
-            angles: (0..count).map(at).collect(),
-            dwell_s: (0..count).map(|k| 100.0 + k as f64).collect(),
-        }
+        Plan::new(
+            (0..count).map(at).collect(),
+            (0..count).map(|k| 100.0 + k as f64).collect(),
+        )
     }
 
     fn order(plan: &Plan) -> Vec<usize> {

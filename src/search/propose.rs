@@ -69,7 +69,7 @@ fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
             let quickest = quickest_positions(platform, &positions);
             let angles: Vec<[f64; 3]> = quickest.into_iter().map(Position::to_array).collect();
             let dwell_s = vec![problem.total_time_s; angles.len()];
-            Plan { angles, dwell_s }.fitted(platform, problem.total_time_s)
+            Plan::new(angles, dwell_s).fitted(platform, problem.total_time_s)
         })
         .collect()
 }
@@ -95,10 +95,10 @@ fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan>
     }
     positions = quickest_positions(platform, &positions);
     loop {
-        let plan = Plan {
-            angles: positions.iter().map(|p| p.to_array()).collect(),
-            dwell_s: vec![problem.total_time_s; positions.len()],
-        };
+        let plan = Plan::new(
+            positions.iter().map(|p| p.to_array()).collect(),
+            vec![problem.total_time_s; positions.len()],
+        );
         // A little spare time, so that the first steps have room.
         if let Some(plan) = plan.clone().fitted(platform, 0.95 * problem.total_time_s) {
             return Ok(plan);
@@ -229,7 +229,7 @@ mod tests {
             ..SearchProblem::default()
         };
         for plan in starts(&evaluator, &problem).unwrap() {
-            let schedule = plan.to_schedule().unwrap();
+            let schedule = plan.to_schedule(evaluator.platform()).unwrap();
             let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
             assert!(timeline.total_time_s() <= 4000.0 + 1e-6);
             assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));

@@ -72,7 +72,7 @@ pub fn shortest(
     control.report(Phase::Checking, 1, 1, None);
     let schedule = match root.turning(&plan) {
         Some(turning) => turning,
-        None => plan.to_schedule()?,
+        None => plan.to_schedule(evaluator.platform())?,
     };
     let mut outcome = conclude(evaluator, control, &work, schedule)?;
     if outcome.status == Status::Converged {
@@ -244,7 +244,7 @@ impl RootSearch<'_> {
             self.evaluator,
             self.control,
             self.work,
-            longest.plan.to_schedule()?,
+            longest.plan.to_schedule(self.evaluator.platform())?,
         )?;
         let missed = missed_specifications(self.evaluator, &outcome.evaluation);
         let enough = match self.time_needed(longest) {

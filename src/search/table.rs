@@ -7,7 +7,6 @@
 //! dwells are allocated and idle positions dropped, as for free angles.
 
 use std::collections::HashMap;
-use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -18,7 +17,7 @@ use super::pipeline::{Candidate, Context, rate, told_apart};
 use super::refine::Refined;
 use super::variables::Plan;
 use super::workshop::Workshop;
-use crate::attitude::Position;
+use crate::attitude::{NanoDegrees, Position, deg_of_rad};
 use crate::covariance::TickRule;
 use crate::covariance::batch::between::Between;
 use crate::covariance::incremental::Cuts;
@@ -123,43 +122,33 @@ impl Table {
     /// The plan with every angle at its nearest setting.
     fn snapped(&self, context: Context<'_>, plan: &Plan) -> Plan {
         let platform = context.evaluator.platform();
-        Plan {
-            angles: plan
-                .angles
-                .iter()
-                .map(|a| self.snap(platform, *a))
-                .collect(),
-            dwell_s: plan.dwell_s.clone(),
+        let mut snapped = plan.clone();
+        for angles in &mut snapped.angles {
+            *angles = self.snap(platform, *angles);
         }
+        snapped
     }
 
     /// The nearest setting of each axis.
     fn snap(&self, platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| {
             let limited = platform.gimbals().ranges[axis].is_some();
-            let distance = |a: f64| {
-                let d = (a - angles[axis]).abs();
-                if limited {
-                    d
-                } else {
-                    (d - TAU * (d / TAU).round()).abs()
-                }
+            // In whole 1e-9°: of two that are equally near, the lower one.
+            let wanted = nano(angles[axis]);
+            let distance = |a: &f64| {
+                let apart = nano(*a) - wanted;
+                let apart = if limited { apart } else { apart.wrapped() };
+                apart.abs()
             };
-            let mut nearest = angles[axis];
-            let mut least = f64::INFINITY;
-            for &a in &self.angles[axis] {
-                if distance(a) < least {
-                    (nearest, least) = (a, distance(a));
-                }
-            }
-            nearest
+            let nearest = self.angles[axis].iter().copied().min_by_key(distance);
+            nearest.unwrap_or(angles[axis])
         })
     }
 
     /// The settings of an axis next to `angle`, itself included.
     fn neighbours(&self, axis: usize, angle: f64) -> Vec<f64> {
         let settings = &self.angles[axis];
-        let here = settings.partition_point(|a| *a < angle - 1e-9);
+        let here = settings.partition_point(|a| nano(*a) < nano(angle));
         settings[here.saturating_sub(1)..(here + 2).min(settings.len())].to_vec()
     }
 
@@ -193,7 +182,7 @@ impl Table {
             // and, axis by axis, coarse steps over the whole axis and all steps near the present angle.
             let settings = &self.angles[axis];
             let stride = settings.len().div_ceil(AXIS_ANGLES).max(1);
-            let here = settings.partition_point(|a| *a < angles[axis] - 1e-9);
+            let here = settings.partition_point(|a| nano(*a) < nano(angles[axis]));
             for (k, &a) in settings.iter().enumerate() {
                 if k % stride == 0 || k.abs_diff(here) <= 2 * stride {
                     let mut place = angles;
@@ -223,6 +212,11 @@ fn by_attitude(angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
         }
     }
     attitudes
+}
+
+/// An angle (rad) in the whole 1e-9° that tell settings apart.
+fn nano(rad: f64) -> NanoDegrees {
+    NanoDegrees::nearest(deg_of_rad(rad))
 }
 
 fn gcd(a: usize, b: usize) -> usize {
@@ -346,7 +340,7 @@ fn exchange_once(
             let places = table.places(platform, &current.plan, k, reach);
             let tried = estimates.best(k, places).into_iter().filter_map(|place| {
                 let mut plan = current.plan.clone();
-                plan.angles[k] = place;
+                plan.replace(k, place);
                 rate(context, &plan, smoothing)
             });
             let best = tried.reduce(Refined::better);
@@ -513,7 +507,7 @@ mod tests {
                     angles.push(places[k]);
                 }
                 let dwell_s = vec![1.0; count];
-                rate(context, &Plan { angles, dwell_s }, Smoothing::Exact)
+                rate(context, &Plan::new(angles, dwell_s), Smoothing::Exact)
             })
             .collect()
     }

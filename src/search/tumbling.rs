@@ -9,15 +9,16 @@
 //! with them all in between. In the schedule a turning segment is two entries, the second
 //! reached by a measured move with no dwell of its own; one that hardly turns is a plain dwell.
 
-use super::finish::{round_angle_deg, whole_periods};
+use super::finish::{round_angles, whole_periods};
 use super::pipeline::Context;
 use super::refine::{Coordinates, minimise};
 use super::variables::{AngleMap, Plan, add_move_times, add_return, shares};
+use super::ways::{in_deg, straight_ways, tidied};
 use crate::attitude::Position;
 use crate::covariance::TickRule;
 use crate::covariance::gradient::LegGradient;
 use crate::criterion::Smoothing;
-use crate::motion::{Timeline, gimbal_change};
+use crate::motion::Timeline;
 use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -33,38 +34,38 @@ const FIRST_TURN_RAD: f64 = 0.02;
 /// A test of turning segments.
 #[derive(Debug, Clone, PartialEq)]
 struct TurningPlan {
-    /// Start and end angles of each segment, rad.
+    /// Start and end angles of each segment, rad, not wrapped: every way is the difference of two.
     ends: Vec<[[f64; 3]; 2]>,
     duration_s: Vec<f64>,
 }
 
 impl TurningPlan {
     fn timeline(&self, platform: &Platform) -> Timeline {
-        let entries: Vec<ScheduledPosition> = self.entries().collect();
-        Timeline::unchecked(platform, entries.into_iter())
+        Timeline::unchecked(platform, self.entries(platform).into_iter())
     }
 
     /// Two entries per segment, turning or not.
-    fn entries(&self) -> impl Iterator<Item = ScheduledPosition> + '_ {
-        self.ends
-            .iter()
-            .zip(&self.duration_s)
-            .flat_map(|([start, end], &duration_s)| {
-                let start = ScheduledPosition::new(Position::from_array(*start), 0.0);
-                let end = ScheduledPosition {
-                    move_s: Some(duration_s),
-                    move_measured: Some(true),
-                    ..ScheduledPosition::new(Position::from_array(*end), 0.0)
-                };
-                [start, end]
-            })
+    fn entries(&self, platform: &Platform) -> Vec<ScheduledPosition> {
+        let angles = self.ends.as_flattened();
+        let ways = straight_ways(platform, angles);
+        let places = angles.iter().zip(ways).enumerate();
+        let entries = places.map(|(i, (angles, way))| {
+            let turns = (i % 2 == 1).then_some(self.duration_s[i / 2]);
+            ScheduledPosition {
+                move_s: turns,
+                move_measured: turns.map(|_| true),
+                change_deg: way.map(in_deg),
+                ..ScheduledPosition::new(Position::from_array(*angles), 0.0)
+            }
+        });
+        entries.collect()
     }
 
     /// How far segment `k` turns, rad, by the axis that turns most.
-    fn turn(&self, platform: &Platform, k: usize) -> f64 {
-        let [start, end] = self.ends[k].map(Position::from_array);
-        let change = gimbal_change(platform, start, end);
-        change.iter().fold(0.0, |max, c| c.abs().max(max))
+    fn turn(&self, k: usize) -> f64 {
+        let [start, end] = self.ends[k];
+        let change = end.iter().zip(start).map(|(end, start)| end - start);
+        change.fold(0.0, |max, c| c.abs().max(max))
     }
 
     /// Whether every segment keeps to the slew rate.
@@ -72,26 +73,21 @@ impl TurningPlan {
         let Some(rate) = platform.motion().slew_rate_rad_per_s else {
             return true;
         };
-        (0..self.ends.len()).all(|k| self.turn(platform, k) <= rate * self.duration_s[k])
+        (0..self.ends.len()).all(|k| self.turn(k) <= rate * self.duration_s[k])
     }
 
     /// As a schedule; segments that hardly turn are plain dwells.
     fn to_schedule(&self, platform: &Platform) -> Option<Schedule> {
         let mut positions = Vec::new();
-        for (k, pair) in self
-            .entries()
-            .collect::<Vec<_>>()
-            .chunks_exact(2)
-            .enumerate()
-        {
-            if self.turn(platform, k) < STILL_RAD {
+        for (k, pair) in self.entries(platform).chunks_exact(2).enumerate() {
+            if self.turn(k) < STILL_RAD {
                 let dwell_s = self.duration_s[k];
                 positions.push(ScheduledPosition { dwell_s, ..pair[0] });
             } else {
                 positions.extend_from_slice(pair);
             }
         }
-        Schedule::new(positions).ok()
+        Schedule::new(tidied(platform, positions.into_iter())).ok()
     }
 }
 
@@ -193,7 +189,8 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
         maps: platform.gimbals().ranges.map(AngleMap::new),
         total_time_s: context.problem.total_time_s,
     };
-    let turns = plan.angles.iter().enumerate().map(|(k, start)| {
+    let unwound = plan.unwound(platform);
+    let turns = unwound.iter().enumerate().map(|(k, start)| {
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
         let step = sign * FIRST_TURN_RAD;
         [start.map(|a| a - 0.5 * step), start.map(|a| a + 0.5 * step)]
@@ -231,9 +228,7 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
 fn round(platform: &Platform, total_time_s: f64, plan: &TurningPlan) -> Option<TurningPlan> {
     let mut rounded = plan.clone();
     for angles in rounded.ends.iter_mut().flatten() {
-        let deg: [f64; 3] =
-            std::array::from_fn(|axis| round_angle_deg(platform, axis, angles[axis]));
-        *angles = Position::from_deg(deg[0], deg[1], deg[2]).to_array();
+        *angles = round_angles(platform, *angles);
     }
     let turning: f64 = rounded.duration_s.iter().sum();
     let jumps = rounded.timeline(platform).total_time_s() - turning;

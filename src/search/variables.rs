@@ -5,12 +5,14 @@
 //! `middle + half range · sin u`; the dwells share what moves, settles and minimum dwells leave
 //! of the total time in the proportions `softmax(z)`. So every point is within the limits and
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
+//! The whole turns of every way stay as they are while the variables move ([`super::ways`]).
 
 use super::refine::Coordinates;
-use crate::attitude::{Position, wrap_half_turn};
+use super::ways::{in_deg, tidied};
+use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::error::Result;
-use crate::motion::{Timeline, gimbal_change};
+use crate::motion::Timeline;
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -21,32 +23,43 @@ pub struct Plan {
     pub angles: Vec<[f64; 3]>,
     /// Dwell at each position, s.
     pub dwell_s: Vec<f64>,
+    /// About how the gimbals turn on the way to each position, rad: of the ways there are the
+    /// nearest is taken. None: the short way.
+    pub(super) ways: Vec<Option<[f64; 3]>>,
 }
 
 impl Plan {
-    /// The plan as a timeline of `platform`, reached as the platform moves by default.
-    pub fn timeline(&self, platform: &Platform) -> Timeline {
-        let held = self.angles.iter().zip(&self.dwell_s);
-        let held = held.map(|(angles, &dwell_s)| {
-            ScheduledPosition::new(Position::from_array(*angles), dwell_s)
-        });
-        Timeline::unchecked(platform, held)
+    /// Positions with angles in rad and dwells in s, each reached by the short way.
+    pub fn new(angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Self {
+        Self {
+            ways: vec![None; angles.len()],
+            angles,
+            dwell_s,
+        }
     }
 
-    /// The plan as a schedule.
+    /// The positions as a schedule has them.
+    pub(super) fn entries(&self) -> impl ExactSizeIterator<Item = ScheduledPosition> + '_ {
+        let held = self.angles.iter().zip(&self.dwell_s).zip(&self.ways);
+        held.map(|((angles, &dwell_s), way)| ScheduledPosition {
+            change_deg: way.map(in_deg),
+            ..ScheduledPosition::new(Position::from_array(*angles), dwell_s)
+        })
+    }
+
+    /// The plan as a timeline of `platform`.
+    pub fn timeline(&self, platform: &Platform) -> Timeline {
+        Timeline::unchecked(platform, self.entries())
+    }
+
+    /// The plan as a schedule for `platform`: unlimited axes in (−180°, 180°], ways only where
+    /// they are not the short ones.
     ///
     /// # Errors
     ///
     /// As [`Schedule::new`].
-    pub fn to_schedule(&self) -> Result<Schedule> {
-        let positions = self.angles.iter().zip(&self.dwell_s);
-        Schedule::new(
-            positions
-                .map(|(angles, &dwell_s)| {
-                    ScheduledPosition::new(Position::from_array(*angles), dwell_s)
-                })
-                .collect(),
-        )
+    pub fn to_schedule(&self, platform: &Platform) -> Result<Schedule> {
+        Schedule::new(tidied(platform, self.entries()))
     }
 
     /// Time in moves and settles, s.
@@ -57,29 +70,22 @@ impl Plan {
     /// The plan without position `index`.
     pub fn without(&self, index: usize) -> Self {
         let mut plan = self.clone();
-        plan.angles.remove(index);
-        plan.dwell_s.remove(index);
+        plan.remove(index);
         plan
     }
 
     /// The plan with every move from position to position shorter by `share` of it: all positions
     /// closer to the place the test begins at, and so within the ranges too.
     pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
-        let mut plan = self.clone();
-        let Some(&first) = self.angles.first() else {
-            return plan;
+        let mut angles = self.unwound(platform);
+        let Some(&first) = angles.first() else {
+            return self.clone();
         };
-        let mut from = platform.motion().start.map_or(first, Position::to_array);
-        let mut placed = from;
-        for angles in &mut plan.angles {
-            let [was, to] = [from, *angles].map(Position::from_array);
-            let change = gimbal_change(platform, was, to);
-            for (place, change) in placed.iter_mut().zip(change) {
-                *place += (1.0 - share) * change;
-            }
-            (from, *angles) = (*angles, placed);
+        let first = platform.standing().map_or(first, Position::to_array);
+        for (angle, first) in angles.iter_mut().flat_map(|a| a.iter_mut().zip(first)) {
+            *angle -= share * (*angle - first);
         }
-        plan
+        Self::of_unwound(platform, angles, self.dwell_s.clone())
     }
 
     /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
@@ -191,7 +197,7 @@ impl<'a> Variables<'a> {
     pub fn encode(&self, plan: &Plan) -> Vec<f64> {
         let min_dwell_s = self.platform.shortest_dwell_s();
         let mut x = Vec::with_capacity(PER_POSITION * plan.angles.len());
-        for (angles, dwell) in plan.angles.iter().zip(&plan.dwell_s) {
+        for (angles, dwell) in plan.unwound(self.platform).iter().zip(&plan.dwell_s) {
             for (map, angle) in self.maps.iter().zip(angles) {
                 x.push(map.variable(*angle));
             }
@@ -209,16 +215,10 @@ impl<'a> Variables<'a> {
             .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
-            return Some(Plan {
-                angles,
-                dwell_s: dwell_s.clone(),
-            });
+            return Some(Plan::of_unwound(self.platform, angles, dwell_s.clone()));
         }
         let count = angles.len();
-        let mut plan = Plan {
-            angles,
-            dwell_s: vec![0.0; count],
-        };
+        let mut plan = Plan::of_unwound(self.platform, angles, vec![0.0; count]);
         let min_dwell_s = self.platform.shortest_dwell_s();
         let spare = self.total_time_s - plan.overhead_s(self.platform) - count as f64 * min_dwell_s;
         if spare.is_nan() || spare <= 0.0 {
@@ -327,14 +327,6 @@ pub(super) fn shares(x: &[f64], width: usize) -> impl Iterator<Item = f64> + '_ 
         .map(move |c| libm::exp(z(c) - top) / sum)
 }
 
-/// An angle as a person would give it: unlimited axes in (−180°, 180°].
-pub(crate) fn tidy_angle(platform: &Platform, axis: usize, angle: f64) -> f64 {
-    match platform.gimbals().ranges[axis] {
-        Some(_) => angle,
-        None => wrap_half_turn(angle),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -347,10 +339,8 @@ mod tests {
             let k = f64::from(k);
             [1.3 * k - 4.0, (0.9 * k).sin() * 0.9, 2.0 - 0.7 * k]
         });
-        Plan {
-            angles: angles.collect(),
-            dwell_s: (0..7).map(|k| 400.0 + 50.0 * f64::from(k)).collect(),
-        }
+        let dwell_s = (0..7).map(|k| 400.0 + 50.0 * f64::from(k)).collect();
+        Plan::new(angles.collect(), dwell_s)
     }
 
     fn evaluator(limited: bool) -> Evaluator {
@@ -375,7 +365,8 @@ mod tests {
             *v += (3.0 * i as f64).sin() * 0.2;
         }
         let plan = variables.decode(&x).unwrap();
-        let timeline = Timeline::new(evaluator.platform(), &plan.to_schedule().unwrap()).unwrap();
+        let schedule = plan.to_schedule(evaluator.platform()).unwrap();
+        let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
         assert!((timeline.total_time_s() - 9000.0).abs() < 1e-6);
         assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));
         // Too little time for the moves: no plan.
@@ -400,6 +391,26 @@ mod tests {
         for (a, b) in plan.dwell_s.iter().zip(&again.dwell_s) {
             assert!((a - b).abs() < 1e-6);
         }
+    }
+
+    /// Wrapped changes once made the merit jump where a move crosses the half turn.
+    #[test]
+    fn the_merit_is_smooth_across_half_turns() {
+        let evaluator = evaluator(false);
+        let platform = evaluator.platform();
+        let variables = Variables::angles_and_dwells(platform, 9000.0);
+        let at = |deg: f64| Position::from_deg(deg, 10.0, 30.0).to_array();
+        let plan = Plan::new(vec![at(20.0), at(199.99), at(60.0)], vec![900.0; 3]);
+        let x = variables.encode(&plan.fitted(platform, 9000.0).unwrap());
+        let merit = |shift_deg: f64| {
+            let mut x = x.clone();
+            x[4] += shift_deg.to_radians();
+            let timeline = variables.decode(&x).unwrap().timeline(platform);
+            evaluator.merit(&timeline, Smoothing::Exact).unwrap()
+        };
+        let [before, after, beyond] = [0.0, 0.02, 0.04].map(merit);
+        assert!((before - after).abs() < 1e-3, "{before} {after}");
+        assert!((after - before - (beyond - after)).abs() < 1e-6);
     }
 
     #[test]

@@ -248,6 +248,7 @@ impl Builder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attitude::Position;
     use crate::platform::PlatformConfig;
     use crate::schedule::{Schedule, ScheduledPosition};
 

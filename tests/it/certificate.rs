@@ -4,6 +4,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use scheme_opt::attitude::Position;
 use scheme_opt::certificate::{Certifier, Majorant, MinimumTime};
 use scheme_opt::covariance::{CovarianceModel, TickRule};
 use scheme_opt::criterion::Criterion;
@@ -99,15 +100,13 @@ fn random_schedule(
     let count = 1 + (random.unit() * 14.0) as usize;
     let mut positions: Vec<ScheduledPosition> = (0..count)
         .map(|_| {
-            let mut position = random.position();
-            for (angle, range) in [&mut position.alpha, &mut position.beta, &mut position.gamma]
-                .into_iter()
-                .zip(platform.gimbals().ranges)
-            {
+            let mut angles = random.position().to_array();
+            for (angle, range) in angles.iter_mut().zip(platform.gimbals().ranges) {
                 if let Some(range) = range {
                     *angle = random.between(range.low_rad, range.high_rad);
                 }
             }
+            let position = Position::from_array(angles);
             let mut p = ScheduledPosition::new(position, random.unit());
             p.move_measured = (slews && random.unit() < 0.4).then_some(true);
             let free = slews && config.motion.slew_rate_deg_per_s.is_none();

@@ -1,9 +1,9 @@
 //! A dense Kalman filter in 320-bit arithmetic, the judge where double precision is none of
 //! itself.
 //!
-//! It takes the platform and the schedule as they are given: sines and cosines of the angles
-//! to all its digits (a multiple of 90° is one, although its radians in double precision are not),
-//! so that what is the same combination at several positions stays so. Moves take no time.
+//! It takes the platform and the schedule as they are given: sines and cosines of the angles, which
+//! are decimals of degrees, to all its digits, so that what is the same combination at several
+//! positions stays so. Moves take no time.
 
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
@@ -54,9 +54,36 @@ fn transposed(a: &Matrix) -> Matrix {
         .collect()
 }
 
+/// π by Machin's formula, 16 arccot 5 − 4 arccot 239.
+fn pi() -> Float {
+    let arccot = |n: f64| {
+        let mut sum = float(0.0);
+        let mut power = float(1.0) / float(n);
+        for k in 0..150_u32 {
+            let term = &power / float(f64::from(2 * k + 1));
+            match k % 2 {
+                0 => sum += term,
+                _ => sum -= term,
+            }
+            power = power / float(n * n);
+        }
+        sum
+    };
+    float(16.0) * arccot(5.0) - float(4.0) * arccot(239.0)
+}
+
+/// An angle of a position, rad: the decimal of nine places that it is next to, without whole
+/// turns, and what is left, to all digits.
+fn radians(deg: f64) -> Float {
+    let nano = (deg * 1e9).round();
+    let rest = float(deg - nano / 1e9);
+    let decimal = float(nano % 360e9) / float(1e9);
+    (decimal + rest) * pi() / float(180.0)
+}
+
 /// sin and cos by their series.
-fn sin_cos(angle: f64) -> [Float; 2] {
-    let x = float(angle);
+fn sin_cos(deg: f64) -> [Float; 2] {
+    let x = radians(deg);
     let mut sums = [float(0.0), float(0.0)];
     let mut term = float(1.0);
     for k in 0..140_u32 {
@@ -67,15 +94,11 @@ fn sin_cos(angle: f64) -> [Float; 2] {
         }
         term = term * &x / float(f64::from(k + 1));
     }
-    // A multiple of 90°, as nearly as its radians say so.
-    sums.map(|v| {
-        let nearest = v.to_f64().value();
-        match nearest {
-            v if v.abs() < 1e-15 => float(0.0),
-            v if v.abs() == 1.0 => float(v),
-            _ => v,
-        }
-    })
+    // A multiple of 90° is one: what is left of the series is rounding.
+    if sums.iter().any(|v| v.to_f64().value().abs() < 1e-60) {
+        return sums.map(|v| float(v.to_f64().value().round()));
+    }
+    sums
 }
 
 /// C_c^n = Mx(α) My(β) Mz(γ) (19).
@@ -91,7 +114,7 @@ fn attitude(position: Position) -> Matrix {
         m[j][k] = s;
         m
     };
-    let [alpha, beta, gamma] = position.to_array();
+    let [alpha, beta, gamma] = position.degrees();
     product(&product(&turn(alpha, 0), &turn(beta, 1)), &turn(gamma, 2))
 }
 

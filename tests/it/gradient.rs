@@ -315,10 +315,9 @@ impl Problem {
             x.chunks(PER_LEG)
                 .zip(&self.measured)
                 .map(|(c, measured)| ScheduledPosition {
-                    position: Position::from_rad(c[0], c[1], c[2]),
-                    dwell_s: c[3],
                     move_s: Some(c[4]).filter(|_| !self.frame_hold()),
                     move_measured: Some(*measured),
+                    ..ScheduledPosition::new(Position::from_rad(c[0], c[1], c[2]), c[3])
                 });
         Timeline::new(&self.platform, &Schedule::new(positions.collect()).unwrap()).unwrap()
     }

@@ -6,6 +6,7 @@
     reason = "helpers of tests unwrap, say what they measured, and index as the formulas do"
 )]
 
+mod angles;
 mod batch;
 mod certificate;
 #[cfg(feature = "cli")]

@@ -90,9 +90,7 @@ pub(super) fn runge_kutta_integral(
     let steps = (turn / STEP_RAD).max(length_s / STEP_S).ceil().max(1.0);
     let h = length_s / steps;
     let f = system_matrix::<f64>(earth_rate);
-    let a_at = |t: f64| {
-        drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s))
-    };
+    let a_at = |t: f64| drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s));
     let mut b = zeros::<f64, 3, COEFFICIENTS>();
     let mut a0 = a_at(0.0);
     for step in 0..steps as usize {

@@ -1,9 +1,7 @@
 //! Reading the CSV form: numbers and truth values only, so that a line is always a row and no
 //! cell holds a comma.
 
-use super::{
-    CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, position_key,
-};
+use super::{CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, position_key};
 use crate::error::{Error, Result};
 use crate::schedule::{MAX_POSITIONS, Schedule, text};
 
