@@ -65,7 +65,7 @@ fn one_schedule(model: &CovarianceModel, timeline: &Timeline) -> scheme_opt::Res
     }
     println!("\nsingular values of the Lie-derivative matrix, largest and smallest:");
     for units in Units::ALL {
-        let p = PiecewiseConstant::new(model, timeline, units)?;
+        let p = PiecewiseConstant::new(model, timeline, units);
         println!(
             "  {:18} {:9.3e} {:9.3e}  rank {} of {STATES}",
             units.name(),

@@ -32,7 +32,7 @@ fn main() -> scheme_opt::Result<()> {
     for advice in &analysis.advice {
         println!("{advice}");
     }
-    if let Some(s) = &analysis.suggestion {
+    if let Ok(s) = &analysis.suggestion {
         let [alpha, beta, gamma] = s.position.to_deg();
         println!("Add ({alpha:.1}, {beta:.1}, {gamma:.1}) deg.");
         println!(

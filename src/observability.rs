@@ -10,7 +10,10 @@
 //!
 //! The **observability order** of a combination is the smallest d such that it lies in the row
 //! space of the channels of order ≤ d; the paper's observable degree is its inverse. It is
-//! geometry only: 0.01° off an axis already counts as oblique.
+//! geometry only: 0.01° off an axis already counts as oblique, and [`nearly`] says so.
+//!
+//! What counts as rank is decided in one place, at one relative tolerance, [`RANK_TOLERANCE`], for
+//! orders, separability, ranks, condition number, names and reconstructions alike.
 //!
 //! Over a schedule the z rows share the unknown ψ_y^n(0), and the change of ψ_y^n since then is
 //! taken from (25), which holds Z̈. We follow the paper, which in (26) nevertheless counts the z
@@ -27,6 +30,7 @@ pub mod analysis;
 pub mod classical;
 mod combinations;
 pub mod levelling;
+pub mod nearly;
 pub mod reconstruction;
 mod regressor;
 mod row_space;
@@ -40,11 +44,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::motion::Timeline;
 pub use combinations::Combination;
 pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
+pub use row_space::RANK_TOLERANCE;
 use row_space::RowSpace;
 
 /// Observability order: the highest derivative of the measurement that a solution needs.
@@ -98,7 +103,8 @@ pub struct Observability {
     pub strict_orders: [Option<Order>; COEFFICIENTS],
     /// Separability of each coefficient by the order-1 channels alone, 0 to 1.
     pub separability_first_order: CoefficientVector,
-    /// Separability of each coefficient by all channels, 0 to 1.
+    /// Separability of each coefficient by all channels, 0 to 1; zero when and only when the
+    /// coefficient has no order.
     pub separability: CoefficientVector,
     /// Rank of the rows of all channels.
     pub rank: usize,
@@ -107,7 +113,8 @@ pub struct Observability {
     pub rank_first_order: usize,
     /// Rank of the x rows alone, over the coefficients: 11 at best.
     pub rank_x: usize,
-    /// Number of unknowns: the coefficients and ω_N ψ_y(0), the latter not at the poles.
+    /// Number of unknowns: the coefficients and ω_N ψ_y(0), the latter not at the poles (where
+    /// ω_N is none beside ω_ie, see [`RANK_TOLERANCE`]).
     pub unknowns: usize,
     /// Condition number of the weighted rows, columns scaled to length one; infinite when the
     /// rank is short.
@@ -129,14 +136,16 @@ struct Spaces {
 }
 
 impl Spaces {
-    fn of(regressor: &Regressor) -> Result<Self> {
-        let space = |channels: &[Channel]| RowSpace::of(&regressor.geometry(channels));
-        Ok(Self {
-            zero: space(&[Channel::Azimuth])?,
-            x: space(&[Channel::X])?,
-            first: space(&Channel::FIRST)?,
-            all: space(&Channel::ALL)?,
-        })
+    fn of(regressor: &Regressor) -> Self {
+        let all = RowSpace::of(&regressor.geometry(&Channel::ALL));
+        let part =
+            |channels: &[Channel]| RowSpace::beside(&regressor.geometry(channels), all.largest());
+        Self {
+            zero: part(&[Channel::Azimuth]),
+            x: part(&[Channel::X]),
+            first: part(&Channel::FIRST),
+            all,
+        }
     }
 
     fn order_of(&self, combination: &Combination) -> Option<Order> {
@@ -164,16 +173,16 @@ impl Observability {
     ///
     /// # Errors
     ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition
-    /// does not converge.
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when the noise of a channel is so small
+    /// that its weight is no number.
     pub fn analyze(model: &CovarianceModel, timeline: &Timeline) -> Result<Self> {
         let regressor = Regressor::new(model, timeline);
         let unknowns = regressor.unknowns();
-        let spaces = Spaces::of(&regressor)?;
-        let (separability_first_order, _) =
-            separability::by_svd(&regressor.weighted(&Channel::FIRST))?;
-        let (separability, condition_number) =
-            separability::by_svd(&regressor.weighted(&Channel::ALL))?;
+        let spaces = Spaces::of(&regressor);
+        let weighted = regressor.weighted(&Channel::ALL);
+        if !weighted.iter().flatten().all(|v| v.is_finite()) {
+            return Err(Error::numerical("the weight of a channel is not finite"));
+        }
         let missing = spaces.all.missing(unknowns);
         let unobservable_combinations: Vec<Combination> =
             missing.into_iter().map(Combination::from_array).collect();
@@ -181,13 +190,16 @@ impl Observability {
         Ok(Self {
             orders: each.map(|c| spaces.order_of(&c)),
             strict_orders: each.map(|c| spaces.strict_order_of(&c)),
-            separability_first_order,
-            separability,
+            separability_first_order: separability::of_rows(
+                &regressor.weighted(&Channel::FIRST),
+                &spaces.first,
+            ),
+            separability: separability::of_rows(&weighted, &spaces.all),
             rank: spaces.all.rank(),
             rank_first_order: spaces.first.rank(),
             rank_x: spaces.x.rank(),
             unknowns,
-            condition_number,
+            condition_number: separability::condition_number(&weighted, &spaces.all, unknowns),
             unobservable: unobservable_combinations
                 .iter()
                 .map(Combination::to_string)
@@ -312,7 +324,7 @@ mod tests {
             let schedule = Schedule::new(held.collect()).unwrap();
             let timeline = Timeline::new(&platform, &schedule).unwrap();
             let rows = Regressor::new(&model, &timeline).geometry(&[Channel::X]);
-            RowSpace::of(&rows).unwrap().rank()
+            RowSpace::of(&rows).rank()
         };
         assert_eq!(rank(&generic(30)), 11);
         assert_eq!(rank(&axis_aligned()), 9);

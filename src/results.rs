@@ -34,7 +34,7 @@ use crate::search::{Counters, FrontPoint, SearchOutcome};
 use crate::study::StudyConfig;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
-    AnalysisDocument, CorrelationRecord, Correlations, PiecewiseConstantRecord,
+    AnalysisDocument, CorrelationRecord, Correlations, NearlyRecord, PiecewiseConstantRecord,
     ReconstructionRecord, SeenRecord, StandingRecord, StateRecord, SuggestionRecord, TermRecord,
     WeakRecord,
 };

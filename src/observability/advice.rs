@@ -3,10 +3,10 @@
 use std::fmt;
 
 use super::combinations::Combination;
+use super::regressor::at_a_pole;
 use super::row_space::RowSpace;
 use super::{Channel, Observability, Regressor};
 use crate::covariance::{CovarianceModel, split_periods};
-use crate::error::Result;
 use crate::motion::Timeline;
 
 /// Filter periods that a dwell needs to tell a second derivative.
@@ -50,16 +50,11 @@ pub enum Advice {
 impl Advice {
     /// What the geometry of a schedule calls for; the trace's σ is filled in by
     /// [`Analysis`](super::analysis::Analysis).
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition
-    /// does not converge.
     pub(super) fn of_geometry(
         model: &CovarianceModel,
         timeline: &Timeline,
         observability: &Observability,
-    ) -> Result<Vec<Self>> {
+    ) -> Vec<Self> {
         let mut advice = Vec::new();
         let brief = |dwell_s: f64| split_periods(dwell_s, model.period_s).0 < PERIODS;
         let positions: Vec<usize> = timeline
@@ -75,7 +70,7 @@ impl Advice {
                 at_least_s: PERIODS as f64 * model.period_s,
             });
         }
-        let pole = model.omega_north() == 0.0;
+        let pole = at_a_pole(model);
         let hidden = usize::from(pole);
         let unobservable = observability.unobservable.len();
         if unobservable > hidden {
@@ -85,7 +80,7 @@ impl Advice {
                 at_least: (unobservable - hidden).div_ceil(channels),
             });
         } else {
-            let combinations = order_two_beside_the_trace(model, timeline, observability)?;
+            let combinations = order_two_beside_the_trace(model, timeline, observability);
             if !combinations.is_empty() {
                 advice.push(Self::ObliquePositions {
                     at_least: combinations.len().div_ceil(2),
@@ -96,7 +91,7 @@ impl Advice {
         if pole {
             advice.push(Self::OtherLatitude);
         }
-        Ok(advice)
+        advice
     }
 }
 
@@ -105,11 +100,12 @@ fn order_two_beside_the_trace(
     model: &CovarianceModel,
     timeline: &Timeline,
     observability: &Observability,
-) -> Result<Vec<Combination>> {
+) -> Vec<Combination> {
     let mut rows = Regressor::new(model, timeline).geometry(&Channel::FIRST);
     rows.push(*Combination::input_trace().as_array());
-    let missing = RowSpace::of(&rows)?.missing(observability.unknowns);
-    Ok(missing.into_iter().map(Combination::from_array).collect())
+    let largest = observability.spaces.all.largest();
+    let missing = RowSpace::beside(&rows, largest).missing(observability.unknowns);
+    missing.into_iter().map(Combination::from_array).collect()
 }
 
 fn plural(count: usize) -> &'static str {

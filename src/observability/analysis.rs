@@ -3,10 +3,11 @@
 use super::advice::Advice;
 use super::classical::{Gramian, PiecewiseConstant, Units};
 use super::combinations::Combination;
+use super::nearly::Nearly;
 use super::regressor::{Channel, Regressor, RowSource};
-use super::row_space::RowSpace;
-use super::solution::Solution;
-use super::suggest::Suggestion;
+use super::row_space::{RowSpace, counts};
+use super::solution::{NoSolution, Solution};
+use super::suggest::{NoSuggestion, Suggestion};
 use super::weak::{WeakCombination, weak_combinations};
 use super::{Observability, Order};
 use crate::attitude::{EAST, NORTH, Position, UP};
@@ -136,13 +137,13 @@ pub struct ClassicalMeasures {
 }
 
 impl ClassicalMeasures {
-    fn new(model: &CovarianceModel, timeline: &Timeline) -> Result<Self> {
+    fn new(model: &CovarianceModel, timeline: &Timeline) -> Self {
         let gramian = Gramian::new(model, timeline);
-        Ok(Self {
+        Self {
             gramian_sigma_deg_per_h: gramian.sigma_deg_per_h(model),
             gramian,
-            piecewise_constant: PiecewiseConstant::new(model, timeline, Units::Si)?,
-        })
+            piecewise_constant: PiecewiseConstant::new(model, timeline, Units::Si),
+        }
     }
 }
 
@@ -157,8 +158,10 @@ pub struct Analysis {
     pub states: Vec<StateOrder>,
     /// What each position shows.
     pub positions: Vec<PositionAnalysis>,
-    /// The reconstruction of each coefficient; none where it is not observable.
-    pub solutions: Vec<Option<Solution>>,
+    /// What is observable only through a small tilt.
+    pub nearly: Vec<Nearly>,
+    /// The reconstruction of each coefficient, or why there is none.
+    pub solutions: Vec<std::result::Result<Solution, NoSolution>>,
     /// The strongest correlations between estimates, by P_D.
     pub estimate_correlations: Vec<CorrelatedPair>,
     /// The strongest correlations between columns of the weighted regressor.
@@ -171,16 +174,19 @@ pub struct Analysis {
     pub classical: ClassicalMeasures,
     /// What to add, in words.
     pub advice: Vec<Advice>,
-    /// The position to add.
-    pub suggestion: Option<Suggestion>,
+    /// The position to add, or why there is none.
+    pub suggestion: std::result::Result<Suggestion, NoSuggestion>,
 }
 
 impl Analysis {
     /// Analyses `schedule`, of which `evaluation` is the evaluation.
     ///
+    /// What cannot be explained is absent with its reason: a schedule that could be evaluated can
+    /// be analysed.
+    ///
     /// # Errors
     ///
-    /// As [`Evaluator::evaluate`].
+    /// [`Error::is_input`](crate::Error::is_input) when the platform cannot execute the schedule.
     pub fn new(
         evaluator: &Evaluator,
         schedule: &Schedule,
@@ -190,20 +196,21 @@ impl Analysis {
         let timeline = Timeline::new(evaluator.platform(), schedule)?;
         let observability = &evaluation.observability;
         let p = &evaluation.end.coefficients;
-        let (singular_values, weak) = weak_combinations(model, &timeline)?;
+        let (singular_values, weak) = weak_combinations(model, &timeline);
         let solutions = DriftCoefficient::ALL
             .iter()
             .map(|c| {
                 let combination = Combination::single(*c);
                 Solution::find(model, &timeline, observability, &combination)
             })
-            .collect::<Result<_>>()?;
-        let mut advice = Advice::of_geometry(model, &timeline, observability)?;
-        advice.extend(more_time(evaluator, schedule, evaluation)?);
+            .collect();
+        let mut advice = Advice::of_geometry(model, &timeline, observability);
+        advice.extend(more_time(evaluator, schedule, evaluation));
         Ok(Self {
             azimuth_order: observability.order_of(&Combination::azimuth()),
-            states: states(model, &timeline, observability)?,
-            positions: positions(model, &timeline)?,
+            states: states(model, &timeline, observability),
+            positions: positions(model, &timeline),
+            nearly: Nearly::find(model, &timeline, observability),
             solutions,
             estimate_correlations: strongest(p),
             column_correlations: strongest(&column_gram(model, &timeline)),
@@ -215,9 +222,9 @@ impl Analysis {
                     (w, sigma)
                 })
                 .collect(),
-            classical: ClassicalMeasures::new(model, &timeline)?,
+            classical: ClassicalMeasures::new(model, &timeline),
             advice,
-            suggestion: Suggestion::find(evaluator, schedule, evaluation)?,
+            suggestion: Suggestion::find(evaluator, schedule, evaluation),
             observability: observability.clone(),
         })
     }
@@ -229,43 +236,33 @@ fn sigma_of(p: &CoefficientMatrix, combination: &Combination) -> f64 {
     weights.dot(&(p * weights)).max(0.0).sqrt()
 }
 
-/// The trace's advice: how much more time would help. None where it stays unobservable.
+/// The trace's advice: how much more time would help. None where it stays unobservable, or where
+/// that cannot be said: a schedule near the longest possible cannot be doubled.
 fn more_time(
     evaluator: &Evaluator,
     schedule: &Schedule,
     evaluation: &Evaluation,
-) -> Result<Option<Advice>> {
+) -> Option<Advice> {
     let trace = Combination::input_trace();
-    if evaluation.observability.order_of(&trace).is_none() {
-        return Ok(None);
-    }
+    evaluation.observability.order_of(&trace)?;
     let doubled = schedule.positions().iter().map(|p| ScheduledPosition {
         dwell_s: 2.0 * p.dwell_s,
         ..*p
     });
-    // A schedule near the longest possible cannot be doubled; then there is nothing to say.
-    let Ok(doubled) = Schedule::new(doubled.collect()) else {
-        return Ok(None);
-    };
-    let Ok(timeline) = Timeline::new(evaluator.platform(), &doubled) else {
-        return Ok(None);
-    };
+    let doubled = Schedule::new(doubled.collect()).ok()?;
+    let timeline = Timeline::new(evaluator.platform(), &doubled).ok()?;
     let end = evaluator
         .model()
-        .end_covariance(&timeline, crate::covariance::TickRule::Filter)?;
-    Ok(Some(Advice::MoreTime {
+        .end_covariance(&timeline, crate::covariance::TickRule::Filter)
+        .ok()?;
+    Some(Advice::MoreTime {
         sigma_deg_per_h: sigma_of(&evaluation.end.coefficients, &trace),
         sigma_at_twice_deg_per_h: sigma_of(&end.coefficients, &trace),
-    }))
+    })
 }
 
 /// Orders of the states within one dwell, by the row spaces of Z, Ż and Z̈.
-///
-/// # Errors
-///
-/// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does
-/// not converge.
-pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> Result<[Option<Order>; 8]> {
+pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> [Option<Order>; 8] {
     // Time in units of 1/ω_ie, so that all entries are of the order of one.
     let rate = model.dynamics.rate();
     let f = model.dynamics.system_matrix() / rate;
@@ -277,7 +274,7 @@ pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> Result<[Option<Order>
     let mut orders = [None; 8];
     for order in [Order::Zero, Order::First, Order::Second] {
         rows.extend(&derivatives);
-        let space = RowSpace::of(&rows)?;
+        let space = RowSpace::of(&rows);
         for (slot, state) in orders.iter_mut().zip(State::ALL) {
             if slot.is_none() && space.contains(&state.vector(omega_n)) {
                 *slot = Some(order);
@@ -294,15 +291,15 @@ pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> Result<[Option<Order>
             })
             .collect();
     }
-    Ok(orders)
+    orders
 }
 
 fn states(
     model: &CovarianceModel,
     timeline: &Timeline,
     observability: &Observability,
-) -> Result<Vec<StateOrder>> {
-    let in_a_dwell = state_orders_of_a_dwell(model)?;
+) -> Vec<StateOrder> {
+    let in_a_dwell = state_orders_of_a_dwell(model);
     let azimuth = observability.order_of(&Combination::azimuth());
     let regressor = Regressor::new(model, timeline);
     // The highest order of a row of A over the positions.
@@ -317,7 +314,7 @@ fn states(
         highest
     };
     let states = State::ALL.into_iter().zip(in_a_dwell);
-    Ok(states
+    states
         .map(|(state, one_position)| StateOrder {
             state,
             one_position,
@@ -329,11 +326,11 @@ fn states(
                 _ => one_position,
             },
         })
-        .collect())
+        .collect()
 }
 
 /// What each position of the schedule shows by itself.
-fn positions(model: &CovarianceModel, timeline: &Timeline) -> Result<Vec<PositionAnalysis>> {
+fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalysis> {
     let tagged = Regressor::new(model, timeline).tagged(&[Channel::X, Channel::Z, Channel::Y]);
     let mut all = Vec::with_capacity(timeline.legs().len());
     let mut rest = tagged.as_slice();
@@ -354,7 +351,7 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Result<Vec<Positio
                 .collect();
             RowSpace::of(&rows)
         };
-        let (first, second) = (space(Order::First)?, space(Order::Second)?);
+        let (first, second) = (space(Order::First), space(Order::Second));
         let order = |c: DriftCoefficient| {
             let vector = *Combination::single(c).as_array();
             if first.contains(&vector) {
@@ -364,7 +361,7 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Result<Vec<Positio
             }
         };
         let excited = |c: DriftCoefficient| {
-            let shows = |t: &&&super::regressor::TaggedRow| t.row[c.index()].abs() > 1e-9;
+            let shows = |t: &&&super::regressor::TaggedRow| counts(t.row[c.index()].abs(), 1.0);
             held.iter().filter(shows).map(|t| t.channel.order()).min()
         };
         all.push(PositionAnalysis {
@@ -378,7 +375,7 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Result<Vec<Positio
         });
     }
     // Start and return are no positions of the schedule.
-    Ok(all.drain(timeline.positions()).collect())
+    all.drain(timeline.positions()).collect()
 }
 
 /// Gram matrix of the weighted regressor's columns.

@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, SMatrix};
 
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor};
+use super::row_space::RowSpace;
 use super::singular::Singular;
 use super::{Observability, Order, Spaces, separability};
 use crate::attitude::{EAST, NORTH};
@@ -65,7 +66,8 @@ impl Gramian {
     }
 
     /// 1σ of each coefficient by the Gramian and the prior, √((W + P₀⁻¹)⁻¹)_ii, °/h: what a least
-    /// squares fit would reach if the gyros had no random drift.
+    /// squares fit would reach if the gyros had no random drift. NaN where prior and Gramian differ
+    /// so much in size that doubles do not hold their sum.
     pub fn sigma_deg_per_h(&self, model: &CovarianceModel) -> CoefficientVector {
         let prior: [f64; STATES] = std::array::from_fn(|i| match i {
             0..3 => model.prior_psi[(i, i)].sqrt(),
@@ -217,12 +219,7 @@ pub struct PiecewiseConstant {
 
 impl PiecewiseConstant {
     /// Of the positions of `timeline`, in these units.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when the singular value decomposition
-    /// does not converge.
-    pub fn new(model: &CovarianceModel, timeline: &Timeline, units: Units) -> Result<Self> {
+    pub fn new(model: &CovarianceModel, timeline: &Timeline, units: Units) -> Self {
         let (time, drift) = units.scales(model.dynamics.rate());
         let f = model.dynamics.system_matrix() * time;
         let mut rows: Vec<[f64; STATES]> = Vec::new();
@@ -242,8 +239,10 @@ impl PiecewiseConstant {
                 power *= f;
             }
         }
-        let svd = Singular::of(rows.len(), STATES, |i, j| rows[i][j])?;
+        let svd = Singular::of(rows.len(), STATES, |i, j| rows[i][j]);
         let singular_values = &svd.values;
+        // Not the tolerance of the orders: in these units the smallest value of a perfect scheme
+        // may be that small. As the literature does, only rounding counts as zero.
         let zero = rows.len() as f64 * f64::EPSILON * singular_values[0];
         let rank = singular_values.iter().filter(|s| **s > zero).count();
         let degrees = CoefficientVector::from_fn(|i, _| {
@@ -252,12 +251,12 @@ impl PiecewiseConstant {
                 .max_by(|a, b| part(*a).total_cmp(&part(*b)))
                 .map_or(0.0, |k| singular_values[k])
         });
-        Ok(Self {
+        Self {
             units,
             singular_values: svd.values,
             rank,
             degrees,
-        })
+        }
     }
 }
 
@@ -317,15 +316,18 @@ impl Measure {
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a decomposition fails.
     pub fn of(self, model: &CovarianceModel, timeline: &Timeline) -> Result<CoefficientVector> {
         match self {
-            Self::Order => orders(model, timeline).map(|orders| {
-                CoefficientVector::from_fn(|i, _| {
+            Self::Order => {
+                let orders = orders(model, timeline);
+                Ok(CoefficientVector::from_fn(|i, _| {
                     orders[i].map_or(0.0, |o| f64::from(o.number()).recip())
-                })
-            }),
+                }))
+            }
             Self::Separability => Ok(Observability::analyze(model, timeline)?.separability),
             Self::Channels => {
-                let rows = Regressor::new(model, timeline).weighted(&Channel::ALL);
-                let (separability, _) = separability::by_svd(&rows)?;
+                let regressor = Regressor::new(model, timeline);
+                let rows = regressor.weighted(&Channel::ALL);
+                let space = RowSpace::of(&regressor.geometry(&Channel::ALL));
+                let separability = separability::of_rows(&rows, &space);
                 let length = |j: usize| rows.iter().map(|r| r[j] * r[j]).sum::<f64>().sqrt();
                 Ok(CoefficientVector::from_fn(|i, _| {
                     separability[i] * length(i)
@@ -336,7 +338,7 @@ impl Measure {
                 Ok(end.sigma_deg_per_h().map(f64::recip))
             }
             Self::PiecewiseConstant(units) => {
-                Ok(PiecewiseConstant::new(model, timeline, units)?.degrees)
+                Ok(PiecewiseConstant::new(model, timeline, units).degrees)
             }
             Self::OutputSensitivity => Ok(Gramian::new(model, timeline).sensitivity()),
             Self::Gramian => {
@@ -348,17 +350,9 @@ impl Measure {
 }
 
 /// The coefficients' orders and nothing else: the paper's measure at its own cost.
-///
-/// # Errors
-///
-/// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does
-/// not converge.
-pub fn orders(
-    model: &CovarianceModel,
-    timeline: &Timeline,
-) -> Result<[Option<Order>; COEFFICIENTS]> {
-    let spaces = Spaces::of(&Regressor::new(model, timeline))?;
-    Ok(DriftCoefficient::ALL.map(|c| spaces.order_of(&Combination::single(c))))
+pub fn orders(model: &CovarianceModel, timeline: &Timeline) -> [Option<Order>; COEFFICIENTS] {
+    let spaces = Spaces::of(&Regressor::new(model, timeline));
+    DriftCoefficient::ALL.map(|c| spaces.order_of(&Combination::single(c)))
 }
 
 /// Spearman's rank correlation of two equally long lists, ties sharing their mean rank; none
@@ -447,7 +441,7 @@ mod tests {
     fn the_observability_matrix_has_full_rank_when_all_is_observable() {
         let (model, timeline) = case(&PlatformConfig::default());
         for units in Units::ALL {
-            let matrix = PiecewiseConstant::new(&model, &timeline, units).unwrap();
+            let matrix = PiecewiseConstant::new(&model, &timeline, units);
             assert_eq!(
                 matrix.rank, STATES,
                 "{units:?} {:?}",

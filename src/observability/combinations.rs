@@ -76,6 +76,15 @@ impl Combination {
         self.weights[COEFFICIENTS]
     }
 
+    /// The names of what occurs with a weight of `least` or more.
+    pub(super) fn names(&self, least: f64) -> Vec<&'static str> {
+        let occurs = self.weights.iter().enumerate();
+        occurs
+            .filter(|(_, weight)| weight.abs() >= least)
+            .map(|(i, _)| name_of(i))
+            .collect()
+    }
+
     /// The same with the largest weight one and small ones dropped: what a person calls it.
     /// Weights below `drop` of the largest go. Unchanged when all weights are zero.
     #[must_use]
@@ -99,6 +108,14 @@ impl Combination {
     }
 }
 
+/// The name of unknown `i`.
+fn name_of(i: usize) -> &'static str {
+    match DriftCoefficient::ALL.get(i) {
+        Some(c) => c.name(),
+        None => "omega_N psi_y(0)",
+    }
+}
+
 impl fmt::Display for Combination {
     /// "D_IX + D_IY - 0.500 D_IZ"; weights below 1e-6 are left out.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -114,14 +131,13 @@ impl fmt::Display for Combination {
                 (false, true) => " - ",
             };
             f.write_str(sign)?;
-            // Plain ones are not written, and not 1.000 either.
-            if (weight.abs() - 1.0).abs() > 5e-4 {
-                write!(f, "{:.3} ", weight.abs())?;
+            // Plain ones are not written, and not 1.000 or 0.000 either.
+            match weight.abs() {
+                size if size < 5e-4 => write!(f, "{size:.1e} ")?,
+                size if (size - 1.0).abs() > 5e-4 => write!(f, "{size:.3} ")?,
+                _ => {}
             }
-            f.write_str(match DriftCoefficient::ALL.get(i) {
-                Some(c) => c.name(),
-                None => "omega_N psi_y(0)",
-            })?;
+            f.write_str(name_of(i))?;
             first = false;
         }
         if first { f.write_str("0") } else { Ok(()) }
@@ -139,6 +155,8 @@ mod tests {
         assert_eq!(c.to_string(), "-D_FX + 0.500 D_IZ");
         assert_eq!(Combination::azimuth().to_string(), "omega_N psi_y(0)");
         assert_eq!(Combination::of(&[]).to_string(), "0");
+        let tilted = Combination::of(&[(D::FX, 1.0), (D::OX, -1.745e-4)]);
+        assert_eq!(tilted.to_string(), "D_FX - 1.7e-4 D_OX");
     }
 
     #[test]

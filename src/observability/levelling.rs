@@ -17,7 +17,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::drift::{CoefficientMatrix, DriftCoefficient, DriftMatrix};
+use super::row_space::counts;
+use super::singular::Singular;
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftCoefficient, DriftMatrix};
 use crate::error::{Error, Result};
 use crate::schedule::standard::StandardScheme;
 
@@ -27,9 +29,6 @@ pub const SEEN: usize = 11;
 
 /// ln det of the uniform sphere's information without the trace: 3 ln ⅔ + 3 ln ⅓ + 5 ln ⅕.
 pub const SPHERE_LOG_DET: f64 = -12.559_421_752_499_324;
-
-/// Relative size below which an eigenvalue counts as zero.
-const NULL: f64 = 1e-9;
 
 /// The information of a set of gravity directions in the levelling problem, per direction.
 ///
@@ -44,6 +43,9 @@ const NULL: f64 = 1e-9;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Levelling {
     information: CoefficientMatrix,
+    /// Singular values of the stacked J, per direction: the roots of its eigenvalues, with all
+    /// their digits.
+    singular_values: Vec<f64>,
 }
 
 impl Levelling {
@@ -63,6 +65,7 @@ impl Levelling {
             return Err(refused("none".to_owned()));
         }
         let mut information = CoefficientMatrix::zeros();
+        let mut rows = Vec::with_capacity(3 * directions.len());
         for direction in directions {
             let unit = direction
                 .try_normalize(1e-12)
@@ -70,9 +73,13 @@ impl Levelling {
                 .ok_or_else(|| refused(format!("{:?}", direction.as_slice())))?;
             let sensitivity = sensitivity(&unit);
             information += sensitivity.transpose() * sensitivity;
+            rows.extend(sensitivity.row_iter().map(|row| row.into_owned()));
         }
+        let count = directions.len() as f64;
+        let svd = Singular::of(rows.len(), COEFFICIENTS, |i, j| rows[i][j]);
         Ok(Self {
-            information: information / directions.len() as f64,
+            information: information / count,
+            singular_values: svd.values.iter().map(|v| v / count.sqrt()).collect(),
         })
     }
 
@@ -95,20 +102,13 @@ impl Levelling {
 
     /// Its eigenvalues, largest first.
     pub fn eigenvalues(&self) -> Vec<f64> {
-        let mut values: Vec<f64> = self
-            .information
-            .symmetric_eigenvalues()
-            .iter()
-            .copied()
-            .collect();
-        values.sort_by(|a, b| b.total_cmp(a));
-        values
+        self.singular_values.iter().map(|v| v * v).collect()
     }
 
     /// How many combinations of coefficients the directions show; 11 at best.
     pub fn rank(&self) -> usize {
-        let values = self.eigenvalues();
-        values.iter().filter(|v| **v > NULL * values[0]).count()
+        let values = &self.singular_values;
+        values.iter().filter(|v| counts(**v, values[0])).count()
     }
 
     /// The eigenvalues of what can be seen at all; none when some of it is not.

@@ -7,6 +7,7 @@
 //! order 0, which the slewing platform does not have.
 
 use super::Order;
+use super::row_space::counts;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
 use crate::drift::{COEFFICIENTS, DriftMatrix, drift_matrix};
@@ -103,6 +104,9 @@ pub(crate) struct Block {
     pub weights: [f64; 3],
     /// Derivative of the weights with respect to the dwell (or move) duration, 1/s.
     pub weight_rates: [f64; 3],
+    /// The length of its rows in the geometry: 1, so that a position counts once; of a moment of a
+    /// move 1/√(moments), so that a move does too, however many moments it is taken for.
+    pub share: f64,
 }
 
 /// What a change of position in frame-hold repositioning tells about ω_N ψ_y(0).
@@ -133,6 +137,8 @@ pub(crate) struct TaggedRow {
     pub channel: Channel,
     /// 1/σ, (°/h)⁻¹.
     pub weight: f64,
+    /// Its length in the geometry, see [`Block::share`].
+    pub share: f64,
     /// The unweighted row.
     pub row: [f64; UNKNOWNS],
 }
@@ -170,6 +176,7 @@ impl Regressor {
                         azimuth: -1.0,
                         weights: weights.map(|w| w * share),
                         weight_rates: rates.map(|w| w * share),
+                        share,
                     });
                 }
             }
@@ -181,9 +188,10 @@ impl Regressor {
                 azimuth: -1.0,
                 weights,
                 weight_rates,
+                share: 1.0,
             });
         }
-        let azimuth = model.omega_north() != 0.0;
+        let azimuth = !at_a_pole(model);
         let mut regressor = Self {
             blocks,
             changes: Vec::new(),
@@ -232,18 +240,19 @@ impl Regressor {
     pub fn row(&self, block: &Block, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
         std::array::from_fn(|j| match j {
-            COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => block.azimuth,
+            COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => {
+                without_rounding(block.azimuth)
+            }
             COEFFICIENTS => 0.0,
-            // sin 180° is 1.2e-16 in floating point, and a column of nothing else would pass
-            // for a signature once it is scaled to length one.
-            _ if block.a[(axis, j)].abs() < ROUNDING => 0.0,
-            _ => block.a[(axis, j)],
+            _ => without_rounding(block.a[(axis, j)]),
         })
     }
 
-    /// Unweighted rows of the channels wherever a dwell or move is long enough to tell them.
+    /// Rows of the channels wherever a dwell or move is long enough to tell them, whatever the
+    /// noise: each position, and each move, counts once.
     pub fn geometry(&self, channels: &[Channel]) -> Vec<[f64; UNKNOWNS]> {
-        self.tagged(channels).iter().map(|t| t.row).collect()
+        let scale = |t: &TaggedRow| t.row.map(|v| v * t.share);
+        self.tagged(channels).iter().map(scale).collect()
     }
 
     /// Rows weighted by 1/σ of their channel.
@@ -269,6 +278,7 @@ impl Regressor {
                         source: block.source,
                         channel,
                         weight,
+                        share: block.share,
                         row: self.row(block, channel),
                     });
                 }
@@ -285,7 +295,7 @@ impl Regressor {
 fn azimuth_row(change: &Change) -> Option<TaggedRow> {
     let coefficient = change.coefficient();
     // A turn about the vertical moves nothing of ψ_y but by rounding.
-    let tells = change.weight > 0.0 && coefficient.abs() > 1e-7;
+    let tells = change.weight > 0.0 && counts(coefficient.abs(), 1.0);
     tells.then(|| {
         let mut row = [0.0; UNKNOWNS];
         row[COEFFICIENTS] = coefficient;
@@ -294,9 +304,21 @@ fn azimuth_row(change: &Change) -> Option<TaggedRow> {
             source: RowSource::Dwell,
             channel: Channel::Azimuth,
             weight: change.weight,
+            share: 1.0,
             row,
         }
     })
+}
+
+/// Whether ω_N is none beside ω_ie: then ψ_y^n does not show, and ε_y^n does not either.
+pub(super) fn at_a_pole(model: &CovarianceModel) -> bool {
+    !counts(model.omega_north(), model.dynamics.rate())
+}
+
+/// sin 180° is 1.2e-16 in floating point, and a column of nothing else would pass for a signature
+/// once it is scaled to length one.
+fn without_rounding(entry: f64) -> f64 {
+    if entry.abs() < ROUNDING { 0.0 } else { entry }
 }
 
 /// 1/σ of the channels x, y, z (indices of n) of a dwell of `duration_s`, (°/h)⁻¹.

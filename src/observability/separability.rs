@@ -1,5 +1,5 @@
-//! Separability of the coefficients: by SVD for reports, by Gram matrix with gradient for
-//! searches.
+//! Separability of the coefficients: by least squares within the row space for reports, by Gram
+//! matrix with gradient for searches.
 //!
 //! With X the weighted rows, columns scaled to length one, separability is
 //! `1/√((XᵀX)⁻¹)_ii`: the inverse of coefficient i's variance inflation.
@@ -7,57 +7,48 @@
 use nalgebra::{Matrix3, SMatrix};
 
 use super::regressor::{Change, Channel, Regressor, RowSource, UNKNOWNS};
+use super::row_space::{AllRows, RowSpace, unit};
 use super::singular::Singular;
 use crate::attitude::UP;
 use crate::covariance::CovarianceModel;
 use crate::covariance::gradient::LegGradient;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix, drift_matrix_adjoint};
-use crate::error::Result;
 use crate::motion::Timeline;
 
-/// Singular values below this, columns of length one, span what is not separable at all.
-const NULL: f64 = 1e-10;
+/// Separability of each coefficient by weighted `rows`, whose space is `space` up to their weights;
+/// zero where the coefficient is not in the space, and only there.
+pub(super) fn of_rows(rows: &[[f64; UNKNOWNS]], space: &RowSpace<UNKNOWNS>) -> CoefficientVector {
+    let all = AllRows::new(space, rows);
+    CoefficientVector::from_fn(|i, _| {
+        let own = unit(i);
+        if !space.contains(&own) {
+            return 0.0;
+        }
+        let squares: f64 = rows.iter().map(|row| row[i] * row[i]).sum();
+        // 1 but for rounding where no other coefficient has anything in common with this one.
+        let inflation = |variance: f64| (squares * variance).max(1.0);
+        all.variance(&own)
+            .map_or(0.0, |variance| inflation(variance).sqrt().recip())
+    })
+}
 
-/// Separability of each coefficient, and the condition number of the scaled rows.
-pub(super) fn by_svd(rows: &[[f64; UNKNOWNS]]) -> Result<(CoefficientVector, f64)> {
-    let mut lengths = [0.0_f64; UNKNOWNS];
-    for row in rows {
-        for (sum, v) in lengths.iter_mut().zip(row) {
-            *sum += v * v;
-        }
+/// Condition number of weighted `rows` over the first `unknowns`, columns scaled to length one;
+/// infinite when `space` is short of rank, and only then.
+pub(super) fn condition_number(
+    rows: &[[f64; UNKNOWNS]],
+    space: &RowSpace<UNKNOWNS>,
+    unknowns: usize,
+) -> f64 {
+    if space.rank() < unknowns {
+        return f64::INFINITY;
     }
-    let used: Vec<usize> = (0..UNKNOWNS).filter(|&j| lengths[j] > 0.0).collect();
-    let mut separability = CoefficientVector::zeros();
-    if used.is_empty() {
-        return Ok((separability, f64::INFINITY));
-    }
-    // Rows of zeros make a short matrix square, so that its null space is part of the SVD.
-    let height = rows.len().max(used.len());
-    let svd = Singular::of(height, used.len(), |i, j| {
-        rows.get(i)
-            .map_or(0.0, |row| row[used[j]] / lengths[used[j]].sqrt())
-    })?;
-    let values = &svd.values;
-    for (j, &unknown) in used.iter().enumerate().filter(|(_, u)| **u < COEFFICIENTS) {
-        let mut inflation = 0.0;
-        for (k, value) in values.iter().enumerate() {
-            let along = svd.vector(k, j);
-            if *value > NULL {
-                inflation += (along / value).powi(2);
-            } else if along.abs() > 1e-7 {
-                inflation = f64::INFINITY;
-            }
-        }
-        separability[unknown] = 1.0 / inflation.sqrt();
-    }
-    // A coefficient that no row excites has no column: then nothing is well conditioned.
-    let all_excited = used.iter().filter(|u| **u < COEFFICIENTS).count() == COEFFICIENTS;
-    let smallest = values[used.len() - 1];
-    let condition = match all_excited && smallest > NULL {
-        true => values[0] / smallest,
-        false => f64::INFINITY,
-    };
-    Ok((separability, condition))
+    let lengths: Vec<f64> = (0..unknowns)
+        .map(|j| rows.iter().map(|row| row[j] * row[j]).sum::<f64>().sqrt())
+        .collect();
+    let svd = Singular::of(rows.len(), unknowns, |i, j| rows[i][j] / lengths[j]);
+    let (largest, smallest) = (svd.values[0], svd.values[unknowns - 1]);
+    // Weights may differ so much that doubles do not hold the smallest.
+    largest / smallest.max(f64::EPSILON * largest)
 }
 
 /// ln separability of each coefficient and a way back to the gradient of any function of them.
@@ -84,7 +75,7 @@ impl LogSeparability {
         let inverse = nalgebra::Cholesky::new(gram)?.inverse();
         let log =
             CoefficientVector::from_fn(|i, _| -0.5 * libm::log(inverse[(i, i)] * gram[(i, i)]));
-        // Rounding noise below this is not a separability.
+        // The Gram matrix has half the digits of its rows: below this it holds rounding.
         (log.min() > -20.0 && log.iter().all(|v| v.is_finite())).then_some(Self {
             regressor,
             gram,
@@ -299,7 +290,8 @@ mod tests {
         let schedule = Schedule::new(held.collect()).unwrap();
         let timeline = Timeline::new(&platform, &schedule).unwrap();
         let regressor = Regressor::new(&CovarianceModel::new(&platform), &timeline);
-        by_svd(&regressor.weighted(channels)).unwrap().0
+        let space = RowSpace::of(&regressor.geometry(channels));
+        of_rows(&regressor.weighted(channels), &space)
     }
 
     #[test]

@@ -8,22 +8,25 @@
 //! one, each time the one whose new direction has most in common with what is left of c, until
 //! nothing is left. At most as many rows as there are unknowns are taken. The weights on them
 //! follow from their pseudo-inverse, and Σ w_k row_k is compared with c before anything is said.
+//!
+//! Where no few rows do, all of them are taken: the weights of least variance, and if those cannot
+//! be proven either, the shortest. What counts as nothing is [`RANK_TOLERANCE`], as in the order
+//! that is to be proven. A combination whose weights fail even so goes without, for the
+//! [`NoSolution`] given; nothing else is lost by that.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor, RowSource, TaggedRow, UNKNOWNS};
+use super::row_space::{AllRows, RANK_TOLERANCE, RowSpace, counts, dot, length};
 use super::{Observability, Order};
 use crate::covariance::CovarianceModel;
-use crate::error::{Error, Result};
 use crate::motion::Timeline;
+use serde::{Deserialize, Serialize};
 
-/// What is left of a combination of length one when it counts as found.
-const FOUND: f64 = 1e-10;
-/// New part of a row, relative to the row, below which it is taken to be no new direction.
-const NEW: f64 = 1e-6;
-/// Largest acceptable error of Σ w_k row_k, relative to the combination.
-const PROOF: f64 = 1e-8;
+/// Largest acceptable error of Σ w_k row_k, relative to the combination: what lies outside the
+/// rows' space without counting, and as much again for the rounding of the weights.
+const PROOF: f64 = 2.0 * RANK_TOLERANCE;
 
 /// When a row was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +53,37 @@ pub struct Term {
     pub weight: f64,
 }
 
+/// Which rows a solution weighs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Rows {
+    /// As few as were found to do.
+    Few,
+    /// All there are, since no few do.
+    All,
+}
+
+/// Why a combination has no solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum NoSolution {
+    /// It is not observable.
+    NotObservable,
+    /// It is observable by rank, but no weights that doubles hold give it to the tolerance.
+    NotProven,
+}
+
+impl std::fmt::Display for NoSolution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NotObservable => "not observable",
+            Self::NotProven => "observable by rank, but by no weights that hold to the tolerance",
+        })
+    }
+}
+
 /// A combination as a weighted sum of what the channels tell: the proof of its order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
@@ -59,6 +93,8 @@ pub struct Solution {
     pub order: Order,
     /// The terms, by position.
     pub terms: Vec<Term>,
+    /// Whether these are few of the rows or all.
+    pub rows: Rows,
     /// Largest difference between the weighted sum of the rows and the combination.
     pub residual: f64,
     /// 1σ of the combination by these terms alone, each dwell on its own, °/h. The filter, which
@@ -71,56 +107,120 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// The solution of `combination` by channels of the lowest possible order; none when it is
-    /// not observable.
+    /// The solution of `combination` by channels of the lowest possible order.
     ///
     /// # Errors
     ///
-    /// [`Error::is_numerical`] when the weights found do not give the combination.
+    /// [`NoSolution`]: why there is none.
     pub fn find(
         model: &CovarianceModel,
         timeline: &Timeline,
         observability: &Observability,
         combination: &Combination,
-    ) -> Result<Option<Self>> {
-        let Some(order) = observability.order_of(combination) else {
-            return Ok(None);
-        };
+    ) -> Result<Self, NoSolution> {
+        let order = observability
+            .order_of(combination)
+            .ok_or(NoSolution::NotObservable)?;
         let strict = observability.strict_order_of(combination) == Some(order);
-        let channels: &[Channel] = match order {
-            Order::Zero => &[Channel::Azimuth],
-            Order::First if strict => &[Channel::X],
-            Order::First => &Channel::FIRST,
-            Order::Second => &Channel::ALL,
+        let spaces = &observability.spaces;
+        let (channels, space): (&[Channel], _) = match order {
+            Order::Zero => (&[Channel::Azimuth], &spaces.zero),
+            Order::First if strict => (&[Channel::X], &spaces.x),
+            Order::First => (&Channel::FIRST, &spaces.first),
+            Order::Second => (&Channel::ALL, &spaces.all),
         };
         let rows = Regressor::new(model, timeline).tagged(channels);
-        let chosen = choose(&rows, combination.as_array());
-        Self::from_rows(*combination, order, &chosen).map(Some)
+        let claim = Claim {
+            combination: *combination,
+            order,
+        };
+        claim
+            .by_few(&rows)
+            .or_else(|| claim.by_all(&rows, space, |row| row.weight))
+            .or_else(|| claim.by_all(&rows, space, |row| row.share))
+            .ok_or(NoSolution::NotProven)
     }
 
-    fn from_rows(combination: Combination, order: Order, rows: &[&TaggedRow]) -> Result<Self> {
-        let target = DVector::from_row_slice(combination.as_array());
-        let columns = DMatrix::from_fn(UNKNOWNS, rows.len(), |i, k| rows[k].row[i]);
-        let weights = least_squares(&columns, &target).ok_or_else(|| {
-            Error::numerical(format!(
-                "the reconstruction of {combination} has no weights"
-            ))
-        })?;
-        let residual = (columns * &weights - &target).amax();
-        if residual > PROOF * target.amax() || !residual.is_finite() {
-            return Err(Error::numerical(format!(
-                "the reconstruction of {combination} fails by {residual:e}"
-            )));
-        }
-        let smallest = 1e-9 * weights.amax();
-        let mut terms = Vec::new();
-        let mut variance = 0.0;
-        for (row, &weight) in rows.iter().zip(weights.iter()) {
-            if weight.abs() <= smallest {
-                continue;
+    /// The channels that occur, in the order of [`Channel`].
+    pub fn channels(&self) -> Vec<Channel> {
+        let occurs = |c: &Channel| self.terms.iter().any(|t| t.channel == *c);
+        Channel::ALL.into_iter().filter(occurs).collect()
+    }
+}
+
+/// What is to be proven.
+struct Claim {
+    combination: Combination,
+    order: Order,
+}
+
+impl Claim {
+    fn by_few(&self, rows: &[TaggedRow]) -> Option<Solution> {
+        let chosen = choose(rows, self.combination.as_array());
+        let target = DVector::from_row_slice(self.combination.as_array());
+        let columns = DMatrix::from_fn(UNKNOWNS, chosen.len(), |i, k| chosen[k].row[i]);
+        let weights = least_squares(&columns, &target)?;
+        self.proven(&chosen, weights.as_slice(), Rows::Few)
+    }
+
+    /// By all rows, those of a large `size` before those of a small one.
+    fn by_all(
+        &self,
+        rows: &[TaggedRow],
+        space: &RowSpace<UNKNOWNS>,
+        size: impl Fn(&TaggedRow) -> f64,
+    ) -> Option<Solution> {
+        let scaled: Vec<[f64; UNKNOWNS]> = rows
+            .iter()
+            .map(|row| row.row.map(|v| v * size(row)))
+            .collect();
+        let all = AllRows::new(space, &scaled);
+        let rows: Vec<&TaggedRow> = rows.iter().collect();
+        let mut weights = vec![0.0; rows.len()];
+        // The second time refines the first.
+        for _ in 0..2 {
+            let rest = self.rest(&rows, &weights);
+            let more = all.weights(&rest)?;
+            for ((weight, more), row) in weights.iter_mut().zip(more.iter()).zip(&rows) {
+                *weight += more * size(row);
             }
-            variance += (weight / row.weight).powi(2);
-            terms.push(Term {
+        }
+        self.proven(&rows, &weights, Rows::All)
+    }
+
+    /// The combination without Σ w_k row_k.
+    fn rest(&self, rows: &[&TaggedRow], weights: &[f64]) -> [f64; UNKNOWNS] {
+        let mut rest = *self.combination.as_array();
+        for (row, weight) in rows.iter().zip(weights) {
+            for (rest, entry) in rest.iter_mut().zip(&row.row) {
+                *rest -= weight * entry;
+            }
+        }
+        rest
+    }
+
+    /// The solution by these weights, if they are one.
+    fn proven(&self, rows: &[&TaggedRow], weights: &[f64], kind: Rows) -> Option<Solution> {
+        let largest = |values: &[f64]| values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        // Rounding is no term; what is left out counts as error.
+        let smallest = 1e-9 * largest(weights).min(1.0);
+        let terms = rows.iter().zip(weights);
+        let (rows, weights): (Vec<&TaggedRow>, Vec<f64>) =
+            terms.filter(|(_, w)| w.abs() > smallest).unzip();
+        let residual = largest(&self.rest(&rows, &weights));
+        let variance: f64 = rows
+            .iter()
+            .zip(&weights)
+            .map(|(row, weight)| (weight / row.weight).powi(2))
+            .sum();
+        let holds = residual <= PROOF * largest(self.combination.as_array());
+        if !holds || !variance.is_finite() {
+            return None;
+        }
+        let mut terms: Vec<Term> = rows
+            .iter()
+            .zip(&weights)
+            .map(|(row, &weight)| Term {
                 position: row.leg,
                 moment: match row.source {
                     RowSource::Dwell => Moment::Dwell,
@@ -128,24 +228,19 @@ impl Solution {
                 },
                 channel: row.channel,
                 weight,
-            });
-        }
+            })
+            .collect();
         terms.sort_by_key(|t| (t.position, t.channel.name()));
         let later = |t: &Term| t.channel == Channel::Z && t.position > 0;
-        Ok(Self {
-            combination,
-            order,
+        Some(Solution {
+            combination: self.combination,
+            order: self.order,
+            rows: kind,
             residual,
             sigma_deg_per_h: variance.sqrt(),
             uses_change_of_psi_y: terms.iter().any(later),
             terms,
         })
-    }
-
-    /// The channels that occur, in the order of [`Channel`].
-    pub fn channels(&self) -> Vec<Channel> {
-        let occurs = |c: &Channel| self.terms.iter().any(|t| t.channel == *c);
-        Channel::ALL.into_iter().filter(occurs).collect()
     }
 }
 
@@ -162,16 +257,15 @@ fn least_squares(columns: &DMatrix<f64>, target: &DVector<f64>) -> Option<DVecto
 
 /// Few rows that span `target`, by orthogonal least squares.
 fn choose<'a>(rows: &'a [TaggedRow], target: &[f64; UNKNOWNS]) -> Vec<&'a TaggedRow> {
-    let size = dot(target, target).sqrt();
+    let size = length(target);
     let mut rest = *target;
     let mut fresh: Vec<[f64; UNKNOWNS]> = rows.iter().map(|r| r.row).collect();
     let mut chosen = Vec::new();
-    while dot(&rest, &rest).sqrt() > FOUND * size && chosen.len() < UNKNOWNS {
+    while counts(length(&rest), size) && chosen.len() < UNKNOWNS {
         let score = |k: usize| {
             let (new, old) = (&fresh[k], &rows[k].row);
-            let length = dot(new, new);
-            match length > NEW * NEW * dot(old, old) {
-                true => dot(new, &rest).powi(2) / length,
+            match counts(length(new), length(old)) {
+                true => (dot(new, &rest) / length(new)).powi(2),
                 false => 0.0,
             }
         };
@@ -197,13 +291,9 @@ fn choose<'a>(rows: &'a [TaggedRow], target: &[f64; UNKNOWNS]) -> Vec<&'a Tagged
     chosen
 }
 
-fn dot(a: &[f64; UNKNOWNS], b: &[f64; UNKNOWNS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn normalised(v: &[f64; UNKNOWNS]) -> [f64; UNKNOWNS] {
-    let length = dot(v, v).sqrt();
-    v.map(|x| x / length)
+    let size = length(v);
+    v.map(|x| x / size)
 }
 
 fn remove(v: &mut [f64; UNKNOWNS], direction: &[f64; UNKNOWNS]) {
@@ -222,13 +312,13 @@ mod tests {
     use crate::schedule::standard::StandardScheme;
     use crate::schedule::{Schedule, ScheduledPosition};
 
-    fn solve(positions: &[Position], combination: &Combination) -> Option<Solution> {
+    fn solve(positions: &[Position], combination: &Combination) -> Result<Solution, NoSolution> {
         let platform = PlatformConfig::default().check().unwrap();
         let held = positions.iter().map(|p| ScheduledPosition::new(*p, 1000.0));
         let timeline = Timeline::new(&platform, &Schedule::new(held.collect()).unwrap()).unwrap();
         let model = CovarianceModel::new(&platform);
         let observability = Observability::analyze(&model, &timeline).unwrap();
-        Solution::find(&model, &timeline, &observability, combination).unwrap()
+        Solution::find(&model, &timeline, &observability, combination)
     }
 
     #[test]
@@ -247,7 +337,8 @@ mod tests {
         assert!(s.uses_change_of_psi_y);
         let s = solve(&positions, &Combination::single(D::FY)).unwrap();
         assert_eq!((s.order, s.channels()), (Order::Second, vec![Channel::Y]));
-        assert!(solve(&positions, &Combination::single(D::SZ)).is_none());
+        let none = solve(&positions, &Combination::single(D::SZ));
+        assert_eq!(none, Err(NoSolution::NotObservable));
     }
 
     #[test]

@@ -13,10 +13,12 @@
 //! [`Evaluator::evaluate`].
 
 use nalgebra::{DMatrix, SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 use super::Observability;
 use super::combinations::Combination;
 use super::regressor::{Change, Regressor, UNKNOWNS};
+use super::row_space::counts;
 use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
 use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
@@ -71,36 +73,65 @@ pub struct Suggestion {
     pub examined: usize,
 }
 
+/// Why there is no position to suggest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum NoSuggestion {
+    /// The platform can take no attitude at all on its table and in its ranges.
+    NoAttitude,
+    /// The platform cannot execute a longer schedule, or one more position.
+    NotExecutable,
+    /// A longer schedule cannot be evaluated to the accuracy that evaluations have.
+    NotEvaluated,
+}
+
+impl NoSuggestion {
+    fn because(error: Error) -> Self {
+        match error.is_input() {
+            true => Self::NotExecutable,
+            false => Self::NotEvaluated,
+        }
+    }
+}
+
+impl std::fmt::Display for NoSuggestion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NoAttitude => "the gimbals allow no attitude on the table",
+            Self::NotExecutable => "the platform can execute no longer schedule",
+            Self::NotEvaluated => {
+                "one position more cannot be evaluated: the numbers differ too much in size"
+            }
+        })
+    }
+}
+
 impl Suggestion {
-    /// The position that separates the worst combination of `schedule` best; none where the
-    /// platform can take no position at all, or no longer schedule.
+    /// The position that separates the worst combination of `schedule` best.
     ///
     /// # Errors
     ///
-    /// As [`Evaluator::evaluate`].
+    /// [`NoSuggestion`]: why there is none.
     pub fn find(
         evaluator: &Evaluator,
         schedule: &Schedule,
         evaluation: &Evaluation,
-    ) -> Result<Option<Self>> {
+    ) -> std::result::Result<Self, NoSuggestion> {
         let platform = evaluator.platform();
-        let timeline = Timeline::new(platform, schedule)?;
+        let timeline = Timeline::new(platform, schedule).map_err(NoSuggestion::because)?;
         let dwell_s = new_dwell_s(platform, schedule);
-        let prospect = Prospect::new(evaluator, &timeline, &evaluation.observability, dwell_s)?;
-        let Some((position, examined)) = best_position(platform, |p| prospect.gain(p)) else {
-            return Ok(None);
-        };
+        let prospect = Prospect::new(evaluator, &timeline, &evaluation.observability, dwell_s)
+            .map_err(NoSuggestion::because)?;
+        let (position, examined) =
+            best_position(platform, |p| prospect.gain(p)).ok_or(NoSuggestion::NoAttitude)?;
         let mut positions = schedule.positions().to_vec();
         positions.push(ScheduledPosition::new(position, dwell_s));
-        let Some((extended, after)) = evaluated(evaluator, Schedule::new(positions))? else {
-            return Ok(None);
-        };
+        let (extended, after) = evaluated(evaluator, Schedule::new(positions))?;
         let same_time = stretched(schedule, after.total_time_s - evaluation.overhead_s);
-        let Some((_, same_time)) = evaluated(evaluator, same_time)? else {
-            return Ok(None);
-        };
+        let (_, same_time) = evaluated(evaluator, same_time)?;
         let standing = |e: &Evaluation| prospect.standing(e);
-        Ok(Some(Self {
+        Ok(Self {
             target: prospect.target_names(),
             target_unobservable: prospect.unobservable,
             position,
@@ -110,21 +141,18 @@ impl Suggestion {
             after: standing(&after),
             same_time: standing(&same_time),
             examined,
-        }))
+        })
     }
 }
 
-/// A schedule with its evaluation; none where it would be longer than schedules may be.
+/// A schedule with its evaluation.
 fn evaluated(
     evaluator: &Evaluator,
     schedule: Result<Schedule>,
-) -> Result<Option<(Schedule, Evaluation)>> {
-    let evaluated = schedule.and_then(|s| evaluator.evaluate(&s).map(|e| (s, e)));
-    match evaluated {
-        Ok(both) => Ok(Some(both)),
-        Err(e) if e.is_input() => Ok(None),
-        Err(e) => Err(e),
-    }
+) -> std::result::Result<(Schedule, Evaluation), NoSuggestion> {
+    schedule
+        .and_then(|s| evaluator.evaluate(&s).map(|e| (s, e)))
+        .map_err(NoSuggestion::because)
 }
 
 /// The mean dwell, but no less than tells the second derivative.
@@ -323,7 +351,7 @@ fn unobservable_target(
         for b in &basis {
             rest -= b * b.dot(&rest);
         }
-        if rest.norm() > 1e-7 * vector.norm() {
+        if counts(rest.norm(), vector.norm()) {
             basis.push(rest.normalize());
             names.push(*combination);
         }

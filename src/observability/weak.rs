@@ -2,19 +2,18 @@
 //!
 //! The rows of all channels, weighted by 1/σ of their channel, columns in °/h (per g), ω_N ψ_y(0)
 //! eliminated, have singular values 1/σ: the right singular vectors of the smallest are the
-//! combinations that the schedule knows least. Those of value zero are unobservable.
+//! combinations that the schedule knows least. Only combinations that are observable by rank are
+//! looked at, so that the values of the others are zero and not what rounding makes of it.
 
 use super::Order;
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor, TaggedRow};
+use super::row_space::RowSpace;
 use super::singular::Singular;
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector};
-use crate::error::Result;
 use crate::motion::Timeline;
 
-/// Relative size below which a singular value counts as zero.
-const NULL: f64 = 1e-10;
 /// Parts of a combination below this share of its largest are not named.
 pub const NAMED: f64 = 0.05;
 
@@ -47,40 +46,34 @@ impl WeakCombination {
     }
 }
 
-/// The singular values (1/σ in (°/h)⁻¹, largest first) and the combinations that belong to them,
-/// weakest first, without those that are not seen at all.
-///
-/// # Errors
-///
-/// [`Error::is_numerical`](crate::Error::is_numerical) when the singular value decomposition
-/// does not converge.
+/// The singular values (1/σ in (°/h)⁻¹, largest first, zero for what is not observable) and the
+/// combinations that belong to them, weakest first, without those that are not observable.
 pub fn weak_combinations(
     model: &CovarianceModel,
     timeline: &Timeline,
-) -> Result<(Vec<f64>, Vec<WeakCombination>)> {
-    let tagged = Regressor::new(model, timeline).tagged(&Channel::ALL);
+) -> (Vec<f64>, Vec<WeakCombination>) {
+    let regressor = Regressor::new(model, timeline);
+    let tagged = regressor.tagged(&Channel::ALL);
     let rows = without_azimuth(&tagged);
-    if rows.is_empty() {
-        return Ok((vec![0.0; COEFFICIENTS], Vec::new()));
-    }
-    let height = rows.len().max(COEFFICIENTS);
-    let svd = Singular::of(height, COEFFICIENTS, |i, j| {
-        rows.get(i).map_or(0.0, |r| r[j])
-    })?;
-    let values = &svd.values;
+    let seen: Vec<CoefficientVector> = RowSpace::of(&regressor.geometry(&Channel::ALL))
+        .without(COEFFICIENTS)
+        .iter()
+        .map(|vector| CoefficientVector::from_fn(|j, _| vector[j]))
+        .collect();
+    let svd = Singular::of(rows.len(), seen.len(), |i, k| rows[i].dot(&seen[k]));
     let mut weak = Vec::new();
-    for k in (0..COEFFICIENTS).rev() {
-        if values[k] <= NULL * values[0] {
-            continue;
-        }
-        let vector = CoefficientVector::from_fn(|j, _| svd.vector(k, j));
+    for k in (0..seen.len()).rev().filter(|&k| svd.values[k] > 0.0) {
+        let parts = seen.iter().enumerate();
+        let vector: CoefficientVector = parts.map(|(j, s)| s * svd.vector(k, j)).sum();
         weak.push(WeakCombination {
             combination: Combination::from_weights(&vector, 0.0),
-            channel_sigma_deg_per_h: values[k].recip(),
+            channel_sigma_deg_per_h: svd.values[k].recip(),
             shares: shares(&tagged, &rows, &vector),
         });
     }
-    Ok((svd.values, weak))
+    let mut values = svd.values;
+    values.resize(COEFFICIENTS, 0.0);
+    (values, weak)
 }
 
 /// The weighted rows over the coefficients, the column of ω_N ψ_y(0) projected out.
@@ -138,8 +131,7 @@ mod tests {
             .schedule(12_000.0, &platform)
             .unwrap();
         let timeline = Timeline::new(&platform, &schedule).unwrap();
-        let (values, weak) =
-            weak_combinations(&CovarianceModel::new(&platform), &timeline).unwrap();
+        let (values, weak) = weak_combinations(&CovarianceModel::new(&platform), &timeline);
         assert_eq!((values.len(), weak.len()), (12, 12));
         assert_eq!(weak[0].name().to_string(), "D_IX + D_IY + D_IZ");
         assert_eq!(weak[0].seen_through(), Order::Second);

@@ -37,12 +37,13 @@ use askama::Template;
 use crate::baseline::baselines;
 use crate::certificate::Certifier;
 use crate::error::{Error, Result};
+use crate::observability::solution::NoSolution;
 use crate::report::numbers::{listed, number, seconds};
 use crate::report::words;
 use crate::results::{
-    BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord, ComparisonDocument,
-    EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
-    SimulationDocument, TOOL_VERSION,
+    AnalysisDocument, BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord,
+    ComparisonDocument, EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument,
+    SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION,
 };
 use crate::schedule::file::to_csv;
 use crate::simulate::consistency::Verdict;
@@ -509,11 +510,26 @@ fn accuracy_blocks(subject: &Subject) -> Vec<Block> {
 }
 
 fn observability_blocks(subject: &Subject) -> Vec<Block> {
-    vec![
+    let mut blocks = vec![
         Block::Text(words::observability(&subject.document)),
         Block::Table(tables::observability(subject)),
-        Block::Table(tables::weak(subject)),
-    ]
+    ];
+    blocks.extend(nearly(&subject.analysis));
+    blocks.push(Block::Table(tables::weak(subject)));
+    blocks
+}
+
+/// What is told only through a small tilt, if anything; and what could not be proven.
+fn nearly(analysis: &AnalysisDocument) -> Option<Block> {
+    let mut lines: Vec<String> = analysis.nearly.iter().map(|n| n.words.clone()).collect();
+    if !lines.is_empty() {
+        lines.insert(0, words::NEARLY.to_owned());
+    }
+    lines.extend(analysis.coefficients.iter().filter_map(|c| {
+        let why = c.reconstruction_absent?;
+        (why != NoSolution::NotObservable).then(|| format!("{}: {why}.", c.name.name()))
+    }));
+    list(lines)
 }
 
 fn correlation_blocks(subject: &Subject) -> Vec<Block> {

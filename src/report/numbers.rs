@@ -26,6 +26,14 @@ pub fn seconds(value: f64) -> String {
     }
 }
 
+/// A separability, 0 to 1: four decimals, or two digits where those would be zeros.
+pub fn separability(value: f64) -> String {
+    match value {
+        v if v > 0.0 && v < 5e-5 => format!("{v:.1e}"),
+        v => format!("{v:.4}"),
+    }
+}
+
 /// A value that may be missing.
 pub fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
     value.map_or_else(|| "-".to_owned(), show)
@@ -60,6 +68,9 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+        assert_eq!(separability(0.0), "0.0000");
+        assert_eq!(separability(0.000_049), "4.9e-5");
+        assert_eq!(separability(0.333_33), "0.3333");
         assert_eq!(seconds(120.0), "120");
         assert_eq!(seconds(119.26), "119.3");
     }

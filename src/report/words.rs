@@ -2,7 +2,7 @@
 
 use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument};
 
-use super::numbers::{number, seconds};
+use super::numbers::{number, seconds, separability};
 
 /// The result in one line: accuracy, effort, and what the standard schemes make of the same time
 /// by the criterion of the search.
@@ -76,6 +76,10 @@ pub fn within(certificate: &CertificateRecord) -> String {
     format!("Within {gap} of what any torquing programme could reach: {none}{remarks}.")
 }
 
+/// What a list of what is told only through a small tilt means.
+pub const NEARLY: &str = "Nearly not observable: what follows is told only through a small tilt. A stand \
+    whose angles are wrong by as much, or that has no such tilt, does not tell it.";
+
 /// What the schedule can and cannot tell apart.
 pub fn observability(document: &EvaluationDocument) -> String {
     let o = &document.observability;
@@ -89,9 +93,9 @@ pub fn observability(document: &EvaluationDocument) -> String {
             .map_or_else(String::new, |c| format!(", condition number {}", number(c)));
         let weakest = weakest.map_or_else(String::new, |c| {
             format!(
-                "; hardest to tell from the others: {} (separability {:.4})",
+                "; hardest to tell from the others: {} (separability {})",
                 c.name.name(),
-                c.separability
+                separability(c.separability)
             )
         });
         return format!(

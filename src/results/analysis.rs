@@ -10,8 +10,9 @@ use crate::error::Result;
 use crate::evaluate::Evaluation;
 use crate::observability::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::observability::classical::PiecewiseConstant;
-use crate::observability::solution::{Moment, Solution, Term};
-use crate::observability::suggest::{Standing, Suggestion};
+use crate::observability::nearly::{Nearly, Told};
+use crate::observability::solution::{Moment, NoSolution, Rows, Solution, Term};
+use crate::observability::suggest::{NoSuggestion, Standing, Suggestion};
 use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
@@ -40,6 +41,9 @@ pub struct AnalysisDocument {
     pub positions: Vec<AnalysedPosition>,
     /// Ranks, condition, what cannot be told.
     pub observability: AnalysedObservability,
+    /// What is observable, but only through a tilt of less than a degree.
+    #[serde(default)]
+    pub nearly: Vec<NearlyRecord>,
     /// The strongest correlations.
     pub correlations: Correlations,
     /// Singular values of the weighted regressor, columns in °/h, ω_N ψ_y(0) eliminated, largest
@@ -51,8 +55,11 @@ pub struct AnalysisDocument {
     pub piecewise_constant: PiecewiseConstantRecord,
     /// What to add, in words.
     pub advice: Vec<String>,
-    /// The position that separates the worst combination best; null: the platform has none.
+    /// The position that separates the worst combination best; null: there is none.
     pub suggestion: Option<SuggestionRecord>,
+    /// Why there is none; absent where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suggestion_absent: Option<NoSuggestion>,
     /// The schedule analysed.
     pub schedule: ScheduleDocument,
     /// The study as resolved.
@@ -91,12 +98,16 @@ pub struct AnalysedCoefficient {
     pub sigma_deg_per_h: f64,
     /// Output sensitivity, (°/h)⁻¹.
     pub output_sensitivity_h_per_deg: f64,
-    /// 1σ by observability Gramian and prior, without random drift, °/h.
-    pub gramian_sigma_deg_per_h: f64,
+    /// 1σ by observability Gramian and prior, without random drift, °/h; null: doubles do not hold
+    /// both.
+    pub gramian_sigma_deg_per_h: Option<f64>,
     /// Singular value of the piecewise-constant observability matrix that belongs to it.
     pub piecewise_constant_degree: f64,
     /// The weights that prove the order.
     pub reconstruction: Option<ReconstructionRecord>,
+    /// Why there are no such weights; absent where there are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reconstruction_absent: Option<NoSolution>,
 }
 
 /// A coefficient as a weighted sum of what the channels tell.
@@ -107,6 +118,10 @@ pub struct ReconstructionRecord {
     pub channels: Vec<Channel>,
     /// The terms.
     pub terms: Vec<TermRecord>,
+    /// Whether these are few of the rows that there are or all of them; absent in documents of
+    /// earlier versions: few.
+    #[serde(default = "few")]
+    pub rows: Rows,
     /// 1σ by these terms alone, °/h.
     pub sigma_deg_per_h: f64,
     /// Largest difference between the weighted sum of the rows and the coefficient.
@@ -180,6 +195,25 @@ pub struct AnalysedObservability {
     pub condition_number: Option<f64>,
     /// The combinations that stay unobservable, by name.
     pub unobservable: Vec<String>,
+}
+
+/// Something that is observable, but only through a small tilt: rows that are wrong by that angle
+/// can make up all of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct NearlyRecord {
+    /// What is told: a coefficient, or a combination of coefficients.
+    pub name: String,
+    /// The coefficient; null: a combination.
+    pub coefficient: Option<DriftCoefficient>,
+    /// What it is told from; nothing: it does not show at all but for the tilt.
+    pub from: Vec<String>,
+    /// By the channels of this order and below.
+    pub order: Order,
+    /// The tilt by which it is told, degrees.
+    pub tilt_deg: f64,
+    /// The same in a sentence.
+    pub words: String,
 }
 
 /// The strongest correlations between coefficients, by size.
@@ -303,6 +337,7 @@ impl AnalysisDocument {
                 condition_number: finite(o.condition_number),
                 unobservable: o.unobservable.clone(),
             },
+            nearly: analysis.nearly.iter().map(Into::into).collect(),
             correlations: Correlations {
                 estimates: pairs(&analysis.estimate_correlations),
                 columns: pairs(&analysis.column_correlations),
@@ -311,7 +346,8 @@ impl AnalysisDocument {
             weak: weak.map(|(w, sigma)| WeakRecord::new(w, *sigma)).collect(),
             piecewise_constant: (&analysis.classical.piecewise_constant).into(),
             advice: analysis.advice.iter().map(ToString::to_string).collect(),
-            suggestion: analysis.suggestion.as_ref().map(Into::into),
+            suggestion: analysis.suggestion.as_ref().ok().map(Into::into),
+            suggestion_absent: analysis.suggestion.as_ref().err().copied(),
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
@@ -346,9 +382,10 @@ fn coefficients(analysis: &Analysis, evaluation: &Evaluation) -> Vec<AnalysedCoe
                 separability: o.separability[i],
                 sigma_deg_per_h: sigma[i],
                 output_sensitivity_h_per_deg: sensitivity[i],
-                gramian_sigma_deg_per_h: classical.gramian_sigma_deg_per_h[i],
+                gramian_sigma_deg_per_h: finite(classical.gramian_sigma_deg_per_h[i]),
                 piecewise_constant_degree: classical.piecewise_constant.degrees[i],
-                reconstruction: solution.as_ref().map(Into::into),
+                reconstruction: solution.as_ref().ok().map(Into::into),
+                reconstruction_absent: solution.as_ref().err().copied(),
             }
         })
         .collect()
@@ -364,11 +401,32 @@ impl From<&StateOrder> for StateRecord {
     }
 }
 
+impl From<&Nearly> for NearlyRecord {
+    fn from(n: &Nearly) -> Self {
+        Self {
+            name: n.name(),
+            coefficient: match n.told {
+                Told::Coefficient(c) => Some(c),
+                Told::Combination(_) => None,
+            },
+            from: n.from().into_iter().map(str::to_owned).collect(),
+            order: n.order,
+            tilt_deg: n.tilt_deg(),
+            words: n.to_string(),
+        }
+    }
+}
+
+const fn few() -> Rows {
+    Rows::Few
+}
+
 impl From<&Solution> for ReconstructionRecord {
     fn from(s: &Solution) -> Self {
         Self {
             channels: s.channels(),
             terms: s.terms.iter().map(Into::into).collect(),
+            rows: s.rows,
             sigma_deg_per_h: s.sigma_deg_per_h,
             residual: s.residual,
             uses_change_of_psi_y: s.uses_change_of_psi_y,

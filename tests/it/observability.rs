@@ -69,7 +69,7 @@ fn orders_of_the_states_are_those_of_the_papers_table() {
         let mut config = PlatformConfig::default();
         config.site.latitude_deg = latitude_deg;
         let model = CovarianceModel::new(&config.check().unwrap());
-        let orders = state_orders_of_a_dwell(&model).unwrap();
+        let orders = state_orders_of_a_dwell(&model);
         for (state, order) in State::ALL.into_iter().zip(orders) {
             // At a pole ψ_y drops out of (10) and (12): ε_z stands alone, ε_y is hidden.
             let pole = latitude_deg == 90.0;
@@ -424,9 +424,7 @@ fn the_reconstructions_give_the_coefficients_of_a_noise_free_test() {
         let o = Observability::analyze(&model, &timeline).unwrap();
         for c in D::ALL {
             let combination = Combination::single(c);
-            let solution = Solution::find(&model, &timeline, &o, &combination)
-                .unwrap()
-                .unwrap();
+            let solution = Solution::find(&model, &timeline, &o, &combination).unwrap();
             let found: f64 = solution
                 .terms
                 .iter()
@@ -456,9 +454,7 @@ fn the_reconstructions_give_the_coefficients_of_a_noise_free_test() {
 fn the_suggested_position_helps_more_than_the_time_alone() {
     let evaluator = evaluator();
     let (schedule, evaluation) = scheme(StandardScheme::Axis24, &evaluator);
-    let s = Suggestion::find(&evaluator, &schedule, &evaluation)
-        .unwrap()
-        .unwrap();
+    let s = Suggestion::find(&evaluator, &schedule, &evaluation).unwrap();
     println!(
         "axis-24 and one oblique position: RMS {:.5} from {:.5} deg/h, time alone {:.5}",
         s.after.rms_sigma_deg_per_h, s.before.rms_sigma_deg_per_h, s.same_time.rms_sigma_deg_per_h
@@ -500,9 +496,7 @@ fn the_suggested_position_is_one_that_the_stand_can_take() {
     let schedule = Schedule::new(positions.to_vec()).unwrap();
     let evaluation = evaluator.evaluate(&schedule).unwrap();
     // That it could be evaluated at all says that it is within the ranges and on the table.
-    let s = Suggestion::find(&evaluator, &schedule, &evaluation)
-        .unwrap()
-        .unwrap();
+    let s = Suggestion::find(&evaluator, &schedule, &evaluation).unwrap();
     assert!(s.target_unobservable);
     assert_eq!((s.before.rank, s.after.rank), (6, 9));
     for deg in s.position.to_deg() {

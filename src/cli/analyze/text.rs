@@ -4,8 +4,10 @@ use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
 use crate::cli::table::render;
 use crate::drift::DriftCoefficient;
+use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
-use crate::report::numbers::{number, seconds};
+use crate::report::numbers::{number, optional, seconds, separability};
+use crate::report::words;
 use crate::results::{
     AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, StandingRecord,
     SuggestionRecord,
@@ -67,19 +69,29 @@ fn states(document: &AnalysisDocument) -> String {
 }
 
 fn coefficients(document: &AnalysisDocument) -> String {
-    let mut any_differs = false;
+    let (mut any_differs, mut any_nearly) = (false, false);
     let rows = document
         .coefficients
         .iter()
         .map(|c| {
             let differs = c.observability_order != c.observability_order_strict;
             any_differs |= differs;
+            let nearly = document
+                .nearly
+                .iter()
+                .any(|n| n.coefficient == Some(c.name));
+            any_nearly |= nearly;
             [
                 c.name.name().to_owned(),
-                order(c.observability_order) + if differs { "*" } else { "" },
+                format!(
+                    "{}{}{}",
+                    order(c.observability_order),
+                    if nearly { "~" } else { "" },
+                    if differs { "*" } else { "" }
+                ),
                 c.reconstruction.as_ref().map_or_else(String::new, channels),
-                format!("{:.4}", c.separability_first_order),
-                format!("{:.4}", c.separability),
+                separability(c.separability_first_order),
+                separability(c.separability),
                 number(c.sigma_deg_per_h),
             ]
         })
@@ -93,6 +105,9 @@ fn coefficients(document: &AnalysisDocument) -> String {
         ("sigma, deg/h", Right),
     ];
     let mut text = render(columns, rows);
+    if any_nearly {
+        text.push_str("~ only through a small tilt, see below.\n");
+    }
     if any_differs {
         text.push_str(
             "* 2 when counted strictly: z channels of different dwells are compared, and the\n  \
@@ -118,6 +133,13 @@ fn coefficients(document: &AnalysisDocument) -> String {
             "Unobservable: {}.",
             o.unobservable.join("; ")
         )));
+    }
+    if !document.nearly.is_empty() {
+        text.push('\n');
+        text.push_str(&wrap(words::NEARLY));
+        for nearly in &document.nearly {
+            text.push_str(&wrap(&nearly.words));
+        }
     }
     text
 }
@@ -178,7 +200,8 @@ fn reconstructions(document: &AnalysisDocument) -> String {
     for c in &document.coefficients {
         let name = c.name.name();
         let Some(r) = &c.reconstruction else {
-            text.push_str(&format!("{name} = nothing: not observable\n"));
+            let why = c.reconstruction_absent.unwrap_or(NoSolution::NotObservable);
+            text.push_str(&format!("{name} = nothing: {why}\n"));
             continue;
         };
         let mut sum = String::new();
@@ -263,7 +286,7 @@ fn classical(document: &AnalysisDocument) -> String {
         [
             c.name.name().to_owned(),
             number(c.sigma_deg_per_h),
-            number(c.gramian_sigma_deg_per_h),
+            optional(c.gramian_sigma_deg_per_h, number),
             number(c.output_sensitivity_h_per_deg),
             number(c.piecewise_constant_degree),
         ]
@@ -292,6 +315,9 @@ fn advice(document: &AnalysisDocument) -> String {
     if let Some(s) = &document.suggestion {
         text.push('\n');
         text.push_str(&suggestion(s));
+    }
+    if let Some(why) = document.suggestion_absent {
+        text.push_str(&wrap(&format!("No position is suggested: {why}.")));
     }
     text
 }
@@ -325,7 +351,7 @@ fn suggestion(s: &SuggestionRecord) -> String {
             format!("{} / {}", s.rank, s.rank_first_order)
         }),
         row("least separability", &|s| {
-            format!("{:.4}", s.least_separability)
+            separability(s.least_separability)
         }),
         row("target sigma, deg/h", &|s| number(s.target_sigma_deg_per_h)),
         row("RMS sigma, deg/h", &|s| number(s.rms_sigma_deg_per_h)),

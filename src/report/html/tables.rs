@@ -2,7 +2,7 @@
 
 use crate::commands::{Segment, clock};
 use crate::platform::Repositioning;
-use crate::report::numbers::{number, optional, seconds};
+use crate::report::numbers::{number, optional, seconds, separability};
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
 };
@@ -205,8 +205,8 @@ pub(super) fn observability(subject: &Subject) -> Table {
                 c.name.name().to_owned(),
                 order(c.observability_order),
                 order(a.observability_order_strict.map(|o| o.number())),
-                format!("{:.4}", c.separability_first_order),
-                format!("{:.4}", c.separability),
+                separability(c.separability_first_order),
+                separability(c.separability),
             ]
         });
     Table::new(
