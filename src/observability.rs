@@ -34,6 +34,7 @@ pub mod separability;
 mod singular;
 pub mod solution;
 pub mod suggest;
+mod unobservable;
 pub mod weak;
 
 use serde::{Deserialize, Serialize};
@@ -46,6 +47,7 @@ pub use combinations::Combination;
 pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
 use row_space::RowSpace;
+pub use unobservable::{USEFUL, Unobservable};
 
 /// Observability order: the highest derivative of the measurement that a solution needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Inputs, ScheduleDocument, TOOL_VERSION, criterion_name, criterion_unit, finite, to_json,
+    Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json,
 };
 use crate::compare::{Compared, Terms};
 use crate::drift::DriftCoefficient;
@@ -136,7 +136,7 @@ impl ComparisonDocument {
             schema: COMPARISON_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
             total_time_s: terms.scale.then_some(terms.total_time_s),
-            criterion_name: criterion_name(&objective.criterion).to_owned(),
+            criterion_name: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),
             schedules: found
                 .iter()

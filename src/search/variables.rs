@@ -6,6 +6,7 @@
 //! of the total time in the proportions `softmax(z)`. So every point is within the limits and
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 
+use super::fit::TIME_SLACK;
 use super::refine::Coordinates;
 use crate::attitude::{Position, wrap_half_turn};
 use crate::covariance::gradient::LegGradient;
@@ -63,13 +64,13 @@ impl Plan {
     }
 
     /// The plan with every move from position to position shorter by `share` of it: all positions
-    /// closer to the place the test begins at, and so within the ranges too.
+    /// closer to the place the plan begins at, and so within the ranges too.
     pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
         let mut plan = self.clone();
         let Some(&first) = self.angles.first() else {
             return plan;
         };
-        let mut from = platform.motion().start.map_or(first, Position::to_array);
+        let mut from = platform.standing().map_or(first, Position::to_array);
         let mut placed = from;
         for angles in &mut plan.angles {
             let [was, to] = [from, *angles].map(Position::from_array);
@@ -89,9 +90,10 @@ impl Plan {
         let count = self.angles.len() as f64;
         let budget = total_time_s - self.overhead_s(platform);
         let spare = budget - count * min_dwell_s;
-        if spare < 0.0 || budget <= 0.0 {
+        if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
             return None;
         }
+        let spare = spare.max(0.0);
         let above: Vec<f64> = self
             .dwell_s
             .iter()
