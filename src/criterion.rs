@@ -125,7 +125,9 @@ impl Criterion {
     /// assert!(words.contains("D_FX"));
     /// ```
     pub fn known_in_words(&self, prior_sigma: &CoefficientVector) -> Option<String> {
-        let counting = DriftCoefficient::ALL.into_iter().filter(|c| self.counts(*c));
+        let counting = DriftCoefficient::ALL
+            .into_iter()
+            .filter(|c| self.counts(*c));
         let counting: Vec<DriftCoefficient> = counting.collect();
         if counting.iter().any(|c| prior_sigma[c.index()] > 0.0) {
             return None;

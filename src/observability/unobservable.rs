@@ -73,11 +73,7 @@ impl Unobservable {
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does
     /// not converge; as [`Timeline::new`].
-    pub fn of(
-        evaluator: &Evaluator,
-        schedule: &Schedule,
-        evaluation: &Evaluation,
-    ) -> Result<Self> {
+    pub fn of(evaluator: &Evaluator, schedule: &Schedule, evaluation: &Evaluation) -> Result<Self> {
         let (platform, model) = (evaluator.platform(), evaluator.model());
         let timeline = Timeline::new(platform, schedule)?;
         let regressor = Regressor::new(model, &timeline);
@@ -202,7 +198,11 @@ fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
     /// So many determine a trigonometric polynomial of degree 2.
     const ENOUGH: usize = 5;
     let gimbals = platform.gimbals();
-    let all_around = || (0..ENOUGH).map(|k| TAU * k as f64 / ENOUGH as f64).collect();
+    let all_around = || {
+        (0..ENOUGH)
+            .map(|k| TAU * k as f64 / ENOUGH as f64)
+            .collect()
+    };
     let fixed = |low: f64, high: f64| high <= low;
     let Some(step) = gimbals.step_rad else {
         return match gimbals.ranges[axis] {
@@ -251,7 +251,9 @@ mod tests {
             let k = k as f64;
             let spread = [0.3 + 2.1 * k, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4];
             let angles = [0, 1, 2].map(|axis| match ranges[axis] {
-                Some(r) => r.low_rad + (spread[axis] / TAU).rem_euclid(1.0) * (r.high_rad - r.low_rad),
+                Some(r) => {
+                    r.low_rad + (spread[axis] / TAU).rem_euclid(1.0) * (r.high_rad - r.low_rad)
+                }
                 None => spread[axis] % TAU,
             });
             ScheduledPosition::new(Position::from_array(angles), 1000.0)
@@ -340,7 +342,8 @@ mod tests {
                     Some([low, high]) => 0.5 * (low + high),
                     None => 360.0 * (k * (0.754_878 + 0.01 * k)).fract(),
                 });
-                let a = drift_matrix(&Position::from_deg(angles[0], angles[1], angles[2]).attitude());
+                let a =
+                    drift_matrix(&Position::from_deg(angles[0], angles[1], angles[2]).attitude());
                 for (axis, azimuth) in [(NORTH, 0.0), (EAST, -1.0), (UP, 0.0)] {
                     let row: [f64; UNKNOWNS] = std::array::from_fn(|j| match j {
                         COEFFICIENTS => azimuth,
@@ -376,6 +379,9 @@ mod tests {
             Objective::default(),
         );
         let left = of_schedule(&g_known, 6);
-        assert!(left.on_this_stand.len() < all.on_this_stand.len(), "{left:?}");
+        assert!(
+            left.on_this_stand.len() < all.on_this_stand.len(),
+            "{left:?}"
+        );
     }
 }

@@ -203,7 +203,10 @@ impl CertificateRecord {
     ) -> Self {
         let found = certifier.criterion_bound(&objective.criterion, total_time_s);
         let (lower_bound, remarks) = match &found {
-            Ok(bound) => (useful(bound), certifier.remarks(&objective.criterion, bound)),
+            Ok(bound) => (
+                useful(bound),
+                certifier.remarks(&objective.criterion, bound),
+            ),
             Err(e) => (None, vec![format!("no bound here, because {e}")]),
         };
         Self {

@@ -2,9 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json,
-};
+use super::{Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json};
 use crate::compare::{Compared, Terms};
 use crate::drift::DriftCoefficient;
 use crate::error::Result;

@@ -65,7 +65,10 @@ impl LeastTime {
         }
         let parts = [
             ("for what is done already", self.done_s),
-            ("to settle at the first position (motion.settle_s)", self.settle_s),
+            (
+                "to settle at the first position (motion.settle_s)",
+                self.settle_s,
+            ),
             (
                 "for the shortest dwell (motion.min_dwell_s in whole filter periods, one at least)",
                 self.dwell_s,
@@ -161,7 +164,9 @@ pub(super) fn brought_within<T>(
         }
         plan = plan.without(plan.angles.len() - 1);
     }
-    SHORTER_BY.into_iter().find_map(|share| shorter(&plan, share))
+    SHORTER_BY
+        .into_iter()
+        .find_map(|share| shorter(&plan, share))
 }
 
 #[cfg(test)]

@@ -76,7 +76,9 @@ impl Table {
                     (PI / step + 1e-9).floor() as i64,
                 ),
             };
-            (first..=last).map(|k| k as f64 * step).collect::<Vec<f64>>()
+            (first..=last)
+                .map(|k| k as f64 * step)
+                .collect::<Vec<f64>>()
         });
         // By the one rule that schedules are checked by, to the last bit of a range's end.
         let allowed = |axis: usize, angle: &f64| platform.gimbals().refusal(axis, *angle).is_none();
