@@ -134,8 +134,7 @@ impl Certifier {
     ///
     /// # Errors
     ///
-    /// [`Error::is_input`] for a duration that is not positive or has too many filter periods, or
-    /// when every coefficient is known already;
+    /// [`Error::is_input`] for a duration that is not positive or has too many filter periods;
     /// [`Error::is_numerical`] where double precision does not suffice.
     pub fn criterion_bound(
         &self,
@@ -143,6 +142,13 @@ impl Certifier {
         total_time_s: f64,
     ) -> Result<CriterionBound> {
         self.check(total_time_s)?;
+        if criterion.is_known(&self.conditions.prior_sigma) {
+            return Ok(CriterionBound {
+                lower_bound: 0.0,
+                equivalence_gap: 0.0,
+                majorant: None,
+            });
+        }
         let mut best: Option<CriterionBound> = None;
         for (directions, emphasis) in self.relaxations(criterion) {
             for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
@@ -199,7 +205,7 @@ impl Certifier {
             lower_bound: of_criterion.lower_bound,
             rms_sigma_deg_per_h: rms.lower_bound,
             sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
-            remarks: self.remarks(&of_criterion),
+            remarks: self.remarks(criterion, &of_criterion),
         })
     }
 
@@ -210,6 +216,9 @@ impl Certifier {
     /// As [`Certifier::criterion_bound`].
     pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
         self.check(total_time_s)?;
+        if self.conditions.prior_sigma.max() == 0.0 {
+            return Ok(CoefficientVector::zeros());
+        }
         let (directions, emphasis) = self.relaxations(&Criterion::rms())[0];
         let found = majorants(&self.conditions, total_time_s, &emphasis);
         let Some(bounded) = found.first() else {
@@ -232,12 +241,6 @@ impl Certifier {
 
     fn check(&self, total_time_s: f64) -> Result<()> {
         const KEY: &str = "objective.total_time_s";
-        if self.conditions.prior_sigma.max() == 0.0 {
-            return Err(Error::input(
-                "every drift coefficient is known exactly: there is nothing to calibrate",
-            )
-            .with_key("prior"));
-        }
         if total_time_s.is_nan() || total_time_s <= 0.0 {
             return Err(Error::out_of_range(KEY, total_time_s, "greater than 0"));
         }
@@ -320,8 +323,12 @@ impl Certifier {
         })
     }
 
-    /// What a reader of the bound should know: what it does not cover, why it is weak.
-    pub fn remarks(&self, bound: &CriterionBound) -> Vec<String> {
+    /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
+    /// weak.
+    pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<String> {
+        if let Some(known) = criterion.known_in_words(&self.conditions.prior_sigma) {
+            return vec![known];
+        }
         let mut remarks = Vec::new();
         match bound.majorant.map(|m| m.kind) {
             None if bound.lower_bound > 0.0 => remarks.push(

@@ -13,7 +13,7 @@
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, allocator::Allocator};
 
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 
 /// A criterion with its parameters.
@@ -95,6 +95,70 @@ impl Criterion {
         }
     }
 
+    /// Whether the σ of a coefficient has a part in the value: a weight or a specification.
+    pub fn counts(&self, coefficient: DriftCoefficient) -> bool {
+        match self {
+            Self::A { weights } => weights[coefficient.index()] > 0.0,
+            Self::D | Self::E => true,
+            Self::MaxRatio { spec_deg_per_h } => spec_deg_per_h[coefficient.index()].is_finite(),
+        }
+    }
+
+    /// Whether the value is 0 before any test and whatever the test: every coefficient that counts
+    /// is known exactly, its prior σ being zero.
+    pub fn is_known(&self, prior_sigma: &CoefficientVector) -> bool {
+        self.known_in_words(prior_sigma).is_some()
+    }
+
+    /// The same in words; none where a test makes a difference.
+    ///
+    /// ```
+    /// use scheme_opt::criterion::Criterion;
+    /// use scheme_opt::drift::{CoefficientVector, DriftCoefficient as D};
+    /// let mut weights = CoefficientVector::zeros();
+    /// weights[D::FX.index()] = 1.0;
+    /// let mut prior_sigma = CoefficientVector::repeat(8.0);
+    /// assert_eq!(Criterion::A { weights }.known_in_words(&prior_sigma), None);
+    /// prior_sigma[D::FX.index()] = 0.0;
+    /// let words = Criterion::A { weights }.known_in_words(&prior_sigma).unwrap_or_default();
+    /// assert!(words.starts_with("criterion a is 0 before any test"), "{words}");
+    /// assert!(words.contains("D_FX"));
+    /// ```
+    pub fn known_in_words(&self, prior_sigma: &CoefficientVector) -> Option<String> {
+        let counting = DriftCoefficient::ALL
+            .into_iter()
+            .filter(|c| self.counts(*c));
+        let counting: Vec<DriftCoefficient> = counting.collect();
+        if counting.iter().any(|c| prior_sigma[c.index()] > 0.0) {
+            return None;
+        }
+        let names: Vec<&str> = counting.iter().map(|c| c.name()).collect();
+        let (which, names) = match self {
+            Self::A { .. } => (" with a weight", names),
+            Self::D | Self::E => ("", Vec::new()),
+            Self::MaxRatio { .. } => (" with a specification", names),
+        };
+        let names = match names.len() {
+            0 | COEFFICIENTS => String::new(),
+            _ => format!(" ({})", names.join(", ")),
+        };
+        Some(format!(
+            "criterion {} is 0 before any test and whatever the schedule: every coefficient{which}\
+             {names} is known exactly, its prior sigma being 0",
+            self.name()
+        ))
+    }
+
+    /// The name used in files and documents.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::A { .. } => "a",
+            Self::D => "d",
+            Self::E => "e",
+            Self::MaxRatio { .. } => "max-ratio",
+        }
+    }
+
     /// True when the criterion has kinks that a search should smooth.
     pub const fn has_kinks(&self) -> bool {
         matches!(self, Self::E | Self::MaxRatio { .. })
@@ -126,6 +190,10 @@ where
 /// ln det P / 2n over the coefficients that are not known exactly.
 fn geometric_mean(p: &CoefficientMatrix) -> Result<(f64, CoefficientMatrix)> {
     let open: Vec<usize> = (0..COEFFICIENTS).filter(|&i| p[(i, i)] > 0.0).collect();
+    if open.is_empty() {
+        // All known: as for the other criteria, the logarithm of zero.
+        return Ok((f64::NEG_INFINITY, CoefficientMatrix::zeros()));
+    }
     let block = nalgebra::DMatrix::from_fn(open.len(), open.len(), |i, j| p[(open[i], open[j])]);
     let cholesky = Cholesky::new(block).ok_or_else(|| {
         Error::numerical(

@@ -52,6 +52,8 @@ pub struct Objective {
     pub minimum_separability: f64,
     /// 1σ specification of each coefficient, °/h; infinite where there is none.
     pub spec_deg_per_h: Option<CoefficientVector>,
+    /// Coefficients that count and may stay unobservable all the same, by index.
+    pub accept_unobservable: [bool; COEFFICIENTS],
 }
 
 impl Default for Objective {
@@ -62,6 +64,7 @@ impl Default for Objective {
             separability_weight: 0.0,
             minimum_separability: 0.0,
             spec_deg_per_h: None,
+            accept_unobservable: [false; COEFFICIENTS],
         }
     }
 }
@@ -256,13 +259,9 @@ impl Evaluator {
     fn score(&self, end: &EndCovariance, observability: &Observability) -> Result<Score> {
         let o = &self.objective;
         let criterion = o.criterion.value(&end.coefficients)?;
-        let covariance_part = o.covariance_weight * libm::log(criterion);
+        let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
         let mean_log = observability.separability.map(libm::log).mean();
-        // Not 0 · ∞: without a weight, separability has no part in the score.
-        let separability_part = match o.separability_weight > 0.0 {
-            true => -o.separability_weight * mean_log,
-            false => 0.0,
-        };
+        let separability_part = weighted(o.separability_weight, -mean_log);
         let least_separability = observability.separability.min();
         Ok(Score {
             value: covariance_part + separability_part,
@@ -296,8 +295,11 @@ impl Evaluator {
         covariance: &CoefficientMatrix,
         smoothing: Smoothing,
     ) -> Result<f64> {
-        let log = self.objective.criterion.log(covariance, smoothing)?;
-        Ok(self.objective.covariance_weight * log)
+        let weight = self.objective.covariance_weight;
+        if weight == 0.0 {
+            return Ok(0.0);
+        }
+        Ok(weight * self.objective.criterion.log(covariance, smoothing)?)
     }
 
     /// The merit of every timeline, several at once; without separability.
@@ -338,13 +340,16 @@ impl Evaluator {
         all
     }
 
-    /// [`Evaluator::merit_of_covariance`] with its derivative.
-    fn merit_and_slope(
+    /// [`Evaluator::merit_of_covariance`] with its derivative with respect to P_D.
+    pub(crate) fn merit_and_slope(
         &self,
         covariance: &CoefficientMatrix,
         smoothing: Smoothing,
     ) -> Result<(f64, CoefficientMatrix)> {
         let weight = self.objective.covariance_weight;
+        if weight == 0.0 {
+            return Ok((0.0, CoefficientMatrix::zeros()));
+        }
         let criterion = self.objective.criterion;
         let (log, slope) = criterion.log_with_gradient(covariance, smoothing)?;
         Ok((weight * log, slope * weight))
@@ -392,6 +397,11 @@ impl Evaluator {
         }
         (value, slopes)
     }
+}
+
+/// A part of the score. Not 0 · ∞: without a weight there is no such part.
+fn weighted(weight: f64, value: f64) -> f64 {
+    if weight == 0.0 { 0.0 } else { weight * value }
 }
 
 /// ln separability where some coefficient cannot be separated at all: as far as a

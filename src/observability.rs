@@ -38,6 +38,7 @@ pub mod separability;
 mod singular;
 pub mod solution;
 pub mod suggest;
+mod unobservable;
 pub mod weak;
 
 use serde::{Deserialize, Serialize};
@@ -51,6 +52,7 @@ pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
 pub use row_space::RANK_TOLERANCE;
 use row_space::RowSpace;
+pub use unobservable::{USEFUL, Unobservable};
 
 /// Observability order: the highest derivative of the measurement that a solution needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -27,7 +27,7 @@ use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Objective, Score};
-use crate::observability::Observability;
+use crate::observability::{Observability, Unobservable};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{Counters, FrontPoint, SearchOutcome};
@@ -128,6 +128,9 @@ pub struct ScoreRecord {
     pub least_separability: f64,
     /// Whether every coefficient reaches the minimum separability asked for.
     pub meets_minimum_separability: bool,
+    /// Why the criterion is 0 before any test, in words; absent: it depends on the schedule.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub known_before: Option<String>,
     /// Weights of the two parts, and the minimum asked for.
     pub weights: ScoreWeights,
 }
@@ -238,6 +241,9 @@ pub struct ResultDocument {
     pub schedule: ScheduleDocument,
     /// Its evaluation.
     pub evaluation: EvaluationDocument,
+    /// The coefficients that count and yet stay unobservable, on this stand or by this schedule.
+    #[serde(default)]
+    pub unobservable: Unobservable,
     /// The standard schemes at equal total time.
     pub baselines: Vec<BaselineRecord>,
     /// The standard schemes that cannot be run on this platform in this time.
@@ -355,7 +361,11 @@ impl EvaluationDocument {
             max_sigma_deg_per_h: evaluation.max_sigma_deg_per_h(),
             max_eig_sigma_deg_per_h: evaluation.max_eig_sigma_deg_per_h(),
             logdet_deg_per_h: evaluation.logdet_deg_per_h().and_then(finite),
-            score: ScoreRecord::new(&evaluation.score, objective),
+            score: ScoreRecord::new(
+                &evaluation.score,
+                objective,
+                &evaluation.prior_sigma_deg_per_h,
+            ),
             misalignment: MISALIGNMENT_NAMES
                 .iter()
                 .zip(misalignment.iter())
@@ -385,32 +395,23 @@ impl EvaluationDocument {
 }
 
 impl ScoreRecord {
-    fn new(score: &Score, objective: &Objective) -> Self {
+    fn new(score: &Score, objective: &Objective, prior_sigma: &CoefficientVector) -> Self {
         Self {
             value: finite(score.value),
             criterion: score.criterion,
-            criterion_name: criterion_name(&objective.criterion).to_owned(),
+            criterion_name: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),
             covariance_part: finite(score.covariance_part),
             separability_part: finite(score.separability_part),
             least_separability: score.least_separability,
             meets_minimum_separability: score.meets_minimum_separability,
+            known_before: objective.criterion.known_in_words(prior_sigma),
             weights: ScoreWeights {
                 covariance: objective.covariance_weight,
                 separability: objective.separability_weight,
                 minimum_separability: objective.minimum_separability,
             },
         }
-    }
-}
-
-/// The name of a criterion in files and documents.
-const fn criterion_name(criterion: &Criterion) -> &'static str {
-    match criterion {
-        Criterion::A { .. } => "a",
-        Criterion::D => "d",
-        Criterion::E => "e",
-        Criterion::MaxRatio { .. } => "max-ratio",
     }
 }
 
@@ -506,6 +507,7 @@ impl ResultDocument {
             status: outcome.status.name().to_owned(),
             reason: outcome.reason.clone(),
             schedule: ScheduleDocument::from(&outcome.schedule),
+            unobservable: outcome.unobservable.clone(),
             baselines: compared(baselines, &evaluation),
             baselines_skipped: skipped(baselines),
             evaluation,

@@ -28,6 +28,7 @@
 pub mod allocate;
 pub mod checkpoint;
 mod finish;
+mod fit;
 pub mod front;
 mod improve;
 mod insert;
@@ -50,8 +51,9 @@ use serde::{Deserialize, Serialize};
 use crate::criterion::Criterion;
 use crate::drift::DriftCoefficient;
 use crate::error::{Error, Result};
-use crate::evaluate::{Evaluation, Evaluator};
+use crate::evaluate::{Evaluation, Evaluator, Objective};
 use crate::motion::MAX_FILTER_PERIODS;
+use crate::observability::Unobservable;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
 pub use front::FrontPoint;
@@ -136,6 +138,8 @@ pub struct SearchOutcome {
     pub schedule: Schedule,
     /// Its evaluation, both computations agreeing.
     pub evaluation: Evaluation,
+    /// What counts and yet stays unobservable, on this stand or by this schedule.
+    pub unobservable: Unobservable,
     /// In mode `pareto` the front of total time against criterion, shortest test first; its
     /// last point is the schedule above. Empty otherwise.
     pub front: Vec<FrontPoint>,
@@ -150,8 +154,8 @@ pub struct SearchOutcome {
 ///
 /// # Errors
 ///
-/// [`Error::is_input`] for a problem this search cannot take (an index table);
-/// [`Error::is_infeasible`] when not even the fewest positions fit into the time;
+/// [`Error::is_input`] for a problem this search cannot take (tumbling on an index table);
+/// [`Error::is_infeasible`] when no schedule fits into the time, with the least that one takes;
 /// [`Error::is_disagreement`] when the winner's two computations differ.
 pub fn search(
     evaluator: &Evaluator,
@@ -160,8 +164,12 @@ pub fn search(
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
+    if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
+        return Ok(known);
+    }
+    let searched = what_depends_on_the_schedule(evaluator);
     let context = Context {
-        evaluator,
+        evaluator: searched.as_ref().unwrap_or(evaluator),
         problem,
         control,
         work: &work,
@@ -179,6 +187,44 @@ pub fn search(
     conclude(evaluator, control, &work, schedule)
 }
 
+/// Where the criterion is 0 before any test and nothing else is asked for, every schedule is as
+/// good as any: the shortest one, and why.
+pub(crate) fn nothing_to_find(
+    evaluator: &Evaluator,
+    problem: &SearchProblem,
+    control: &Control<'_>,
+    work: &Work,
+) -> Result<Option<SearchOutcome>> {
+    let objective = evaluator.objective();
+    let prior = evaluator.model().prior_sigma_deg_per_h();
+    let Some(why) = objective.criterion.known_in_words(prior) else {
+        return Ok(None);
+    };
+    if objective.uses_separability() {
+        return Ok(None);
+    }
+    fit::LeastTime::of(evaluator.platform()).check(problem.total_time_s)?;
+    let schedule = fit::stillest(evaluator.platform())?;
+    let mut outcome = conclude(evaluator, control, work, schedule)?;
+    if outcome.status == Status::Converged {
+        outcome.reason = format!("{why}; no test is needed, and this is the shortest there is");
+    }
+    Ok(Some(outcome))
+}
+
+/// An evaluator by the separability alone, where the criterion is 0 whatever the schedule and its
+/// logarithm would hide the rest; none otherwise.
+pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Evaluator> {
+    let prior = evaluator.model().prior_sigma_deg_per_h();
+    evaluator.objective().criterion.is_known(prior).then(|| {
+        let objective = Objective {
+            covariance_weight: 0.0,
+            ..*evaluator.objective()
+        };
+        Evaluator::new(evaluator.platform().clone(), objective)
+    })
+}
+
 /// Evaluates the winner by both computations and says how the search ended.
 pub(crate) fn conclude(
     evaluator: &Evaluator,
@@ -187,12 +233,14 @@ pub(crate) fn conclude(
     schedule: Schedule,
 ) -> Result<SearchOutcome> {
     let evaluation = evaluator.evaluate(&schedule)?;
-    let (status, reason) = verdict(evaluator, control, work, &evaluation);
+    let unobservable = Unobservable::of(evaluator, &schedule, &evaluation)?;
+    let (status, reason) = verdict(evaluator, control, work, &evaluation, &unobservable);
     Ok(SearchOutcome {
         status,
         reason,
         schedule,
         evaluation,
+        unobservable,
         front: Vec::new(),
         counters: work.counters(),
     })
@@ -202,10 +250,7 @@ pub(crate) fn conclude(
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
     let empty = table::Table::new(evaluator.platform()).is_some_and(|t| t.is_empty());
     if empty {
-        return Err(Error::infeasible(
-            "no multiple of the index step lies within a gimbal's range",
-        )
-        .with_key("gimbals.step_deg"));
+        return Err(fit::no_setting());
     }
     let motion = evaluator.platform().motion();
     if problem.allow_tumbling {
@@ -223,12 +268,6 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
                 .with_value(true)
                 .with_allowed("false"));
         }
-    }
-    if evaluator.model().prior_sigma_deg_per_h().max() == 0.0 {
-        return Err(Error::input(
-            "every drift coefficient is known exactly: there is nothing to calibrate",
-        )
-        .with_key("prior"));
     }
     if problem.total_time_s.is_nan() || problem.total_time_s <= 0.0 {
         let key = "objective.total_time_s";
@@ -254,6 +293,7 @@ fn verdict(
     control: &Control<'_>,
     work: &Work,
     evaluation: &Evaluation,
+    unobservable: &Unobservable,
 ) -> (Status, String) {
     let cut_short = work.was_cut_short();
     if control.is_cancelled() {
@@ -280,6 +320,9 @@ fn verdict(
                 score.least_separability
             ),
         );
+    }
+    if let Some(words) = unobservable.in_words() {
+        return (Status::Infeasible, words);
     }
     let missed = missed_specifications(evaluator, evaluation);
     if matches!(evaluator.objective().criterion, Criterion::MaxRatio { .. }) && !missed.is_empty() {

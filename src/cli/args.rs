@@ -16,7 +16,8 @@ const ABOUT: &str =
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    no acceptable schedule: the specification or the limits cannot be met
+  1    no acceptable schedule: the specification or the limits cannot be met, or a coefficient
+       that counts stays unobservable
   2    usage or input error
   130  interrupted; the best schedule so far is written";
 

@@ -18,8 +18,13 @@ pub(super) fn search(
     files: &[String],
 ) -> String {
     let found = &document.evaluation;
-    let mut text = words::verdict(document);
-    if let Some(certificate) = &document.certificate {
+    let mut text = String::new();
+    for first in words::preface(document) {
+        text.push_str(&wrap(&first));
+    }
+    text.push_str(&words::verdict(document));
+    let known = found.score.known_before.is_some();
+    if let Some(certificate) = document.certificate.as_ref().filter(|_| !known) {
         text.push_str(&wrap(&words::within(certificate)));
     }
     if document.status != Status::Converged.name() {
@@ -80,7 +85,8 @@ pub(super) fn evaluation(
     platform: &Platform,
     timeline: &Timeline,
 ) -> String {
-    let mut text = totals(document);
+    let mut text = words::known_before(document).map_or_else(String::new, |w| wrap(&w));
+    text.push_str(&totals(document));
     text.push_str("\nSchedule\n\n");
     text.push_str(&table::schedule(platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");

@@ -92,7 +92,8 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         checkpoint.discard();
     }
     Ok(match outcome.status {
-        Status::Converged | Status::TimeLimit => Exit::Done,
+        Status::Converged | Status::TimeLimit if outcome.unobservable.is_acceptable() => Exit::Done,
+        Status::Converged | Status::TimeLimit => Exit::NoSchedule,
         Status::Infeasible => Exit::NoSchedule,
         Status::Interrupted => Exit::Interrupted,
     })

@@ -58,9 +58,14 @@ use subject::Subject;
 /// fit this version; [`Error::is_input`] when its inputs are not acceptable.
 pub fn result(document: &ResultDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let mut verdict = accuracy_words(&subject);
-    verdict.extend(document.certificate.as_ref().map(words::within));
-    verdict.extend(gain(&document.baselines));
+    let mut verdict = words::preface(document);
+    let known = document.evaluation.score.known_before.is_some();
+    verdict.extend(accuracy_words(&subject));
+    let certificate = document.certificate.as_ref().filter(|_| !known);
+    verdict.extend(certificate.map(words::within));
+    if !known && document.unobservable.is_acceptable() {
+        verdict.extend(gain(&document.baselines));
+    }
     verdict.extend(weakness(&subject));
     verdict.push(search_words(document));
     let mut standing = vec![Block::Table(tables::baselines(
@@ -394,8 +399,13 @@ fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
     let all = baselines(&subject.evaluator, total_time_s);
     let compared = crate::results::compared(&all, &subject.document);
     let mut verdict = accuracy_words(subject);
-    verdict.push(words::within(&certificate));
-    verdict.extend(gain(&compared));
+    match words::known_before(&subject.document) {
+        Some(known) => verdict.push(known),
+        None => {
+            verdict.push(words::within(&certificate));
+            verdict.extend(gain(&compared));
+        }
+    }
     verdict.extend(weakness(subject));
     let mut blocks = vec![Block::Table(tables::baselines(subject, &compared))];
     let skipped = crate::results::skipped(&all);

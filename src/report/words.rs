@@ -1,8 +1,75 @@
 //! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
 
+use crate::drift::DriftCoefficient;
 use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument};
 
 use super::numbers::{number, seconds, separability};
+
+/// What a reader has to know before any number of the result; empty where there is nothing.
+pub fn preface(document: &ResultDocument) -> Vec<String> {
+    let mut words = Vec::new();
+    words.extend(unobservable(document));
+    words.extend(known_before(&document.evaluation));
+    words
+}
+
+/// That the criterion is 0 whatever the schedule; none where it is not.
+pub fn known_before(document: &EvaluationDocument) -> Option<String> {
+    let known = document.score.known_before.as_ref()?;
+    Some(format!("No test is needed: {known}."))
+}
+
+/// Which coefficients that count stay unobservable, on this stand or by this schedule.
+fn unobservable(document: &ResultDocument) -> Option<String> {
+    let found = &document.unobservable;
+    let named = |all: &[DriftCoefficient]| {
+        let records = document.evaluation.coefficients.iter();
+        let named: Vec<String> = records
+            .filter(|c| all.contains(&c.name))
+            .map(|c| {
+                let (prior, sigma) = (c.prior_sigma_deg_per_h, c.sigma_deg_per_h);
+                let sigma = match sigma < 0.995 * prior {
+                    true => format!("{} before and {} after", number(prior), number(sigma)),
+                    false => format!("{}, as before", number(prior)),
+                };
+                format!("{} ({sigma})", c.name.name())
+            })
+            .collect();
+        super::numbers::listed(&named)
+    };
+    let mut words = Vec::new();
+    if !found.on_this_stand.is_empty() {
+        words.push(format!(
+            "NOT OBSERVABLE on this stand, whatever the schedule: {} (sigma in deg/h).",
+            named(&found.on_this_stand)
+        ));
+    }
+    if !found.by_this_schedule.is_empty() {
+        words.push(format!(
+            "NOT OBSERVABLE by this schedule: {} (sigma in deg/h); more positions or more time may \
+             help.",
+            named(&found.by_this_schedule)
+        ));
+    }
+    if !found.accepted.is_empty() {
+        words.push(format!(
+            "Unobservable, and accepted by objective.accept_unobservable: {} (sigma in deg/h).",
+            named(&found.accepted)
+        ));
+    }
+    if !found.combinations.is_empty() {
+        words.push(format!(
+            "What no schedule on this stand can tell: {}.",
+            found.combinations.join("; ")
+        ));
+    }
+    if !found.is_acceptable() {
+        words.push(
+            "Coefficients that may stay so are named in objective.accept_unobservable.".to_owned(),
+        );
+    }
+    (!words.is_empty()).then(|| words.join(" "))
+}
 
 /// The result in one line: accuracy, effort, and what the standard schemes make of the same time
 /// by the criterion of the search.
@@ -18,7 +85,10 @@ pub fn verdict(document: &ResultDocument) -> String {
             score.criterion_unit
         ),
     };
-    let comparison = document.best_baseline().map_or_else(String::new, |best| {
+    // As good as others by a criterion that no schedule can make good says nothing.
+    let compares = score.known_before.is_none() && document.unobservable.is_acceptable();
+    let best = document.best_baseline().filter(|_| compares);
+    let comparison = best.map_or_else(String::new, |best| {
         let compared = compared(best.criterion_ratio);
         format!(": {compared} the best standard scheme ({})", best.name)
     });

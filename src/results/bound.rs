@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, criterion_name, criterion_unit, finite, to_json};
+use super::{Inputs, TOOL_VERSION, criterion_unit, finite, to_json};
 use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
@@ -87,7 +87,7 @@ impl BoundDocument {
             schema: BOUND_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
             total_time_s: bound.total_time_s,
-            criterion: criterion_name(&objective.criterion).to_owned(),
+            criterion: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),
             lower_bound: bound.lower_bound,
             rms_sigma_lower_bound_deg_per_h: bound.rms_sigma_deg_per_h,
@@ -203,11 +203,14 @@ impl CertificateRecord {
     ) -> Self {
         let found = certifier.criterion_bound(&objective.criterion, total_time_s);
         let (lower_bound, remarks) = match &found {
-            Ok(bound) => (useful(bound), certifier.remarks(bound)),
+            Ok(bound) => (
+                useful(bound),
+                certifier.remarks(&objective.criterion, bound),
+            ),
             Err(e) => (None, vec![format!("no bound here, because {e}")]),
         };
         Self {
-            criterion: criterion_name(&objective.criterion).to_owned(),
+            criterion: objective.criterion.name().to_owned(),
             unit: criterion_unit(&objective.criterion).to_owned(),
             lower_bound,
             achieved,

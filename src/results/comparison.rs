@@ -2,9 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Inputs, ScheduleDocument, TOOL_VERSION, criterion_name, criterion_unit, finite, to_json,
-};
+use super::{Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json};
 use crate::compare::{Compared, Terms};
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
@@ -136,7 +134,7 @@ impl ComparisonDocument {
             schema: COMPARISON_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
             total_time_s: terms.scale.then_some(terms.total_time_s),
-            criterion_name: criterion_name(&objective.criterion).to_owned(),
+            criterion_name: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),
             schedules: found
                 .iter()

@@ -114,9 +114,7 @@ impl LocalModel {
         work.count_evaluations(count as u64 + 1);
         let here = information(plan);
         let p = covariance_from_information(&here, &model.prior_sigma).ok()?;
-        let objective = evaluator.objective();
-        let (_, slope) = objective.criterion.log_with_gradient(&p, smoothing).ok()?;
-        let slope = slope * objective.covariance_weight;
+        let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
         // One period ahead: long against rounding, short against the dwell.
         let ahead = platform.period_s();
         let mut pulled = Vec::with_capacity(count);

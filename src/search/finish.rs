@@ -1,6 +1,7 @@
 //! Working a start out to the end: allocate, drop, refine, round.
 
 use super::allocate::allocate;
+use super::fit::{TIME_SLACK, brought_within};
 use super::pipeline::{Candidate, Context, rate};
 use super::refine::{Refined, refine, refine_angles};
 use super::table::{OnTable, Table};
@@ -76,8 +77,13 @@ impl Workshop for FreeAngles {
         round(context, &current.plan)
     }
 
-    fn admit(&self, _: Context<'_>, plan: Plan) -> Plan {
-        plan
+    fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
+        let (platform, total_time_s) = (context.evaluator.platform(), context.problem.total_time_s);
+        if plan.clone().fitted(platform, total_time_s).is_some() {
+            return plan;
+        }
+        let with_room = |plan: Plan| plan.fitted(platform, 0.95 * total_time_s);
+        brought_within(platform, &plan, with_room).unwrap_or(plan)
     }
 }
 
@@ -179,15 +185,17 @@ const SHORTER_BY: [f64; 9] = [0.0, 1e-6, 4e-6, 1.6e-5, 6.4e-5, 2.5e-4, 1e-3, 4e-
 
 /// Angles and dwells rounded. Where every dwell is at its minimum and the moves take all that is
 /// left, rounding may lengthen them beyond the total time by some milliseconds; then the moves are
-/// shortened by as little as it takes.
+/// shortened by as little as it takes. Where that is not enough, because a start off the steps
+/// leaves no time to turn to one, the angles stay as they are.
 fn rounded_to_fit(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
-    SHORTER_BY.into_iter().find_map(|share| {
+    let as_rounded = SHORTER_BY.into_iter().find_map(|share| {
         let plan = match share > 0.0 {
             true => plan.with_shorter_moves(platform, share),
             false => plan.clone(),
         };
         with_whole_periods(platform, &rounded(platform, &plan), total_time_s)
-    })
+    });
+    as_rounded.or_else(|| with_whole_periods(platform, plan, total_time_s))
 }
 
 /// Ways turned the other way round as long as the criterion gets better by it and the test no
@@ -322,7 +330,7 @@ fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Op
         ..plan.clone()
     };
     let total = rounded.timeline(platform).total_time_s();
-    (total <= total_time_s * (1.0 + 1e-12)).then_some(rounded)
+    (total <= total_time_s * (1.0 + TIME_SLACK)).then_some(rounded)
 }
 
 /// Durations to whole filter periods, none shorter than the minimum dwell, filling `budget_s`

@@ -9,11 +9,16 @@
 use rayon::prelude::*;
 
 use super::finish::finish;
+use super::fit::LeastTime;
 use super::pipeline::{Candidate, Context, Work, best_candidate};
 use super::tumbling::tumble;
-use super::{Control, Phase, SearchOutcome, SearchProblem, Status, conclude, refuse_unsupported};
+use super::{
+    Control, Phase, SearchOutcome, SearchProblem, Status, conclude, nothing_to_find,
+    refuse_unsupported, what_depends_on_the_schedule,
+};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
+use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// The shortest test of the front, as a share of the longest.
@@ -43,8 +48,13 @@ pub fn front(
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
+    if let Some(mut known) = nothing_to_find(evaluator, problem, control, &work)? {
+        known.front = feasible_points(evaluator, vec![known.schedule.clone()])?;
+        return Ok(known);
+    }
+    let searched = what_depends_on_the_schedule(evaluator);
     let sweep = Sweep {
-        evaluator,
+        evaluator: searched.as_ref().unwrap_or(evaluator),
         control,
         work: &work,
         problems: problems(evaluator, problem, points.max(1)),
@@ -56,7 +66,7 @@ pub fn front(
     control.report(Phase::Checking, 1, 1, None);
     let longest = schedules.last().ok_or_else(nothing_fits)?.clone();
     let mut outcome = conclude(evaluator, control, &work, longest)?;
-    outcome.front = feasible_points(evaluator, schedules)?;
+    outcome.front = feasible_points(sweep.evaluator, schedules)?;
     match outcome.front.last() {
         Some(last) => {
             // A front has no specification to meet; its points say what can be met when.
@@ -66,7 +76,17 @@ pub fn front(
                     .clone_into(&mut outcome.reason);
             }
             outcome.schedule = last.schedule.clone();
-            outcome.evaluation = last.evaluation.clone();
+            outcome.evaluation = match searched {
+                Some(_) => evaluator.evaluate(&last.schedule)?,
+                None => last.evaluation.clone(),
+            };
+            outcome.unobservable =
+                Unobservable::of(evaluator, &outcome.schedule, &outcome.evaluation)?;
+            if let Some(words) = outcome.unobservable.in_words()
+                && outcome.status == Status::Converged
+            {
+                (outcome.status, outcome.reason) = (Status::Infeasible, words);
+            }
         }
         // The reason of the verdict stands: nothing meets the minimum separability.
         None => outcome.status = Status::Infeasible,
@@ -102,7 +122,7 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
     let platform = evaluator.platform();
     let longest = problem.total_time_s;
     let shortest = (SHORTEST_SHARE * longest)
-        .max(platform.shortest_dwell_s())
+        .max(LeastTime::of(platform).total_s())
         .min(longest);
     (0..points)
         .map(|k| {

@@ -145,9 +145,8 @@ fn information_adjoint(
 ) -> Option<CoefficientMatrix> {
     let evaluator = context.evaluator;
     let p = covariance_from_information(information, &evaluator.model().prior_sigma).ok()?;
-    let objective = evaluator.objective();
-    let (_, slope) = objective.criterion.log_with_gradient(&p, smoothing).ok()?;
-    Some(-(p * slope * p) * objective.covariance_weight)
+    let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
+    Some(-(p * slope * p))
 }
 
 /// What one more second of test changes the merit by, given to all dwells in proportion.

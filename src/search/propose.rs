@@ -8,9 +8,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::SearchProblem;
+use super::fit::{LeastTime, brought_within, still};
 use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::evaluate::Evaluator;
 use crate::motion::{equivalent_positions, gimbal_change, quickest_positions};
 use crate::platform::Platform;
@@ -26,7 +27,8 @@ const LARGEST_START: usize = 40;
 ///
 /// # Errors
 ///
-/// [`Error::is_infeasible`] when not even one position fits into the time.
+/// [`Error::is_infeasible`](crate::Error::is_infeasible) when not even staying where the platform
+/// stands fits into the time, which is the least that any schedule takes.
 pub fn starts(evaluator: &Evaluator, problem: &SearchProblem) -> Result<Vec<Plan>> {
     starts_while(evaluator, problem, &|| true)
 }
@@ -38,17 +40,16 @@ pub(super) fn starts_while(
     go_on: &dyn Fn() -> bool,
 ) -> Result<Vec<Plan>> {
     let platform = evaluator.platform();
-    let needed = platform.shortest_dwell_s();
-    if problem.total_time_s < needed {
-        return Err(Error::infeasible("the test is shorter than one dwell")
-            .with_key("objective.total_time_s")
-            .with_value(problem.total_time_s)
-            .with_allowed(format!("at least {needed} s")));
-    }
-    let mut starts = (0..problem.starts.max(1))
+    LeastTime::of(platform).check(problem.total_time_s)?;
+    let mut starts: Vec<Plan> = (0..problem.starts.max(1))
         .take_while(|k| *k == 0 || go_on())
-        .map(|k| start(platform, problem, k))
-        .collect::<Result<Vec<Plan>>>()?;
+        .filter_map(|k| start(platform, problem, k))
+        .collect();
+    // Staying is always possible, however little time there is for moves.
+    if platform.standing().is_some() && platform.motion().slew_rate_rad_per_s.is_some() {
+        let stay = still(platform);
+        starts.extend(stay.and_then(|stay| stay.fitted(platform, problem.total_time_s)));
+    }
     // The standard schemes too, so that no recommendation is worse than they are.
     starts.extend(standard_starts(platform, problem));
     Ok(starts)
@@ -74,7 +75,7 @@ fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
         .collect()
 }
 
-fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan> {
+fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Option<Plan> {
     let mut random = ChaCha8Rng::seed_from_u64(problem.seed);
     random.set_stream(k as u64);
     let most = problem.max_positions.clamp(1, LARGEST_START);
@@ -94,22 +95,27 @@ fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Result<Plan>
         order_by_nearest(platform, &mut positions);
     }
     positions = quickest_positions(platform, &positions);
-    loop {
-        let plan = Plan::new(
-            positions.iter().map(|p| p.to_array()).collect(),
-            vec![problem.total_time_s; positions.len()],
-        );
-        // A little spare time, so that the first steps have room.
-        if let Some(plan) = plan.clone().fitted(platform, 0.95 * problem.total_time_s) {
-            return Ok(plan);
-        }
-        if positions.len() == 1 {
-            return plan
-                .fitted(platform, problem.total_time_s)
-                .ok_or_else(|| Error::infeasible("not even one position fits into the time"));
-        }
-        positions.pop();
-    }
+    let whole = Plan::new(
+        positions.iter().map(|p| p.to_array()).collect(),
+        vec![problem.total_time_s; positions.len()],
+    );
+    // A little spare time, so that the first steps have room.
+    let with_room = |plan: Plan| plan.fitted(platform, 0.95 * problem.total_time_s);
+    let full = |plan: Plan| plan.fitted(platform, problem.total_time_s);
+    let first_ones = |count: usize| {
+        Plan::new(
+            whole.angles[..count].to_vec(),
+            whole.dwell_s[..count].to_vec(),
+        )
+    };
+    // Where the time is too short for so many positions so far apart, every second start has fewer
+    // of them and the others have them nearer to each other.
+    let fewest = if k % 2 == 1 { positions.len() } else { 1 };
+    (fewest..=positions.len())
+        .rev()
+        .find_map(|count| with_room(first_ones(count)))
+        .or_else(|| brought_within(platform, &whole, with_room))
+        .or_else(|| brought_within(platform, &whole, full))
 }
 
 /// A rotation drawn from the uniform (Haar) distribution: a normalised quaternion of normals.

@@ -6,12 +6,13 @@
 //! from its neighbour. In the end whole filter periods are taken off as long as the
 //! specification holds, judged by the filter's own tick rule.
 
+use super::fit::LeastTime;
 use super::pipeline::{Candidate, Context, Work, best_candidate};
 use super::tumbling::tumble;
 use super::variables::Plan;
 use super::{
     Control, Phase, SearchOutcome, SearchProblem, Status, conclude, missed_specifications,
-    refuse_unsupported,
+    nothing_to_find, refuse_unsupported, search, what_depends_on_the_schedule,
 };
 use crate::covariance::TickRule;
 use crate::criterion::Criterion;
@@ -57,6 +58,13 @@ pub fn shortest(
     };
     let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
     let work = Work::default();
+    if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
+        return Ok(known);
+    }
+    if what_depends_on_the_schedule(evaluator).is_some() {
+        // Every time is enough for the specification: what is left is the separability asked for.
+        return search(evaluator, problem, control);
+    }
     let root = RootSearch {
         evaluator,
         problem,
@@ -111,8 +119,7 @@ impl RootSearch<'_> {
 
     /// Narrows [infeasible, feasible] around the shortest time, keeping the feasible end.
     fn narrow(&self, longest: Candidate) -> Result<Candidate> {
-        let platform = self.evaluator.platform();
-        let shortest_s = platform.shortest_dwell_s();
+        let shortest_s = LeastTime::of(self.evaluator.platform()).total_s();
         let log_ratio = |c: &Candidate| libm::log(c.criterion.max(f64::MIN_POSITIVE));
         let mut high = (libm::log(self.problem.total_time_s), log_ratio(&longest));
         let mut best = longest;
@@ -254,9 +261,11 @@ impl RootSearch<'_> {
         let complete = matches!(outcome.status, Status::Converged | Status::Infeasible);
         if complete && outcome.evaluation.score.meets_minimum_separability {
             outcome.status = Status::Infeasible;
+            let unobservable = outcome.unobservable.in_words();
+            let unobservable = unobservable.map_or_else(String::new, |words| words + "; ");
             outcome.reason = format!(
-                "the specification is not met in {:.0} s, missed by {}; a specification {:.4} \
-                 times as wide can be; {enough}",
+                "{unobservable}the specification is not met in {:.0} s, missed by {}; a \
+                 specification {:.4} times as wide can be; {enough}",
                 self.problem.total_time_s,
                 missed.join(", "),
                 longest.criterion

@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use super::allocate::allocate;
+use super::fit::brought_within;
 use super::insert::{detour_s, price_of_time};
 use super::pipeline::{Candidate, Context, rate, told_apart};
 use super::refine::Refined;
@@ -129,8 +130,18 @@ impl Table {
         snapped
     }
 
-    /// The nearest setting of each axis.
-    fn snap(&self, platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
+    /// `plan` on the table and within the time, as little changed as that takes; none where it has
+    /// no merit.
+    fn placed(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
+        let platform = context.evaluator.platform();
+        brought_within(platform, plan, |plan| {
+            rate(context, &self.snapped(context, &plan), smoothing)
+        })
+    }
+
+    /// The nearest setting of each axis; an angle that can be set stays as it is, beyond the
+    /// settings listed too (where the step does not divide a turn, more turns have others).
+    pub(super) fn snap(&self, platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| {
             let limited = platform.gimbals().ranges[axis].is_some();
             // In whole 1e-9°: of two that are equally near, the lower one.
@@ -141,7 +152,12 @@ impl Table {
                 apart.abs()
             };
             let nearest = self.angles[axis].iter().copied().min_by_key(distance);
-            nearest.unwrap_or(angles[axis])
+            let deg = angles[axis] / RAD_PER_DEG;
+            let can_be_set = || platform.gimbals().refusal(axis, decimal(deg)).is_none();
+            match nearest {
+                Some(a) if distance(&a) == NanoDegrees::default() || !can_be_set() => a,
+                _ => angles[axis],
+            }
         })
     }
 
@@ -226,7 +242,7 @@ fn gcd(a: usize, b: usize) -> usize {
 /// A start snapped to a coarse table and improved by exchange, its dwells as they come.
 pub(super) fn screen_on_table(context: Context<'_>, table: &Table, plan: &Plan) -> Option<Refined> {
     let smoothing = context.first_smoothing();
-    let snapped = rate(context, &table.snapped(context, plan), smoothing)?;
+    let snapped = table.placed(context, plan, smoothing)?;
     Some(exchange(context, table, smoothing, Reach::Near, snapped))
 }
 
@@ -255,7 +271,7 @@ impl Workshop for OnTable {
     }
 
     fn settle(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-        let snapped = rate(context, &self.0.snapped(context, plan), smoothing)?;
+        let snapped = self.0.placed(context, plan, smoothing)?;
         let drop = |r| drop_idle(context, smoothing, r);
         Some(self.in_rounds(context, smoothing, Reach::Near, snapped, drop))
     }
@@ -272,7 +288,14 @@ impl Workshop for OnTable {
     }
 
     fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
-        self.0.snapped(context, &plan)
+        let snapped = self.0.snapped(context, &plan);
+        let (platform, total_time_s) = (context.evaluator.platform(), context.problem.total_time_s);
+        let fits = |plan: Plan| plan.fitted(platform, total_time_s);
+        if fits(snapped.clone()).is_some() {
+            return snapped;
+        }
+        let placed = |plan: Plan| fits(self.0.snapped(context, &plan));
+        brought_within(platform, &plan, placed).unwrap_or(snapped)
     }
 }
 

@@ -7,6 +7,7 @@
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 //! The whole turns of every way stay as they are while the variables move ([`super::ways`]).
 
+use super::fit::TIME_SLACK;
 use super::refine::Coordinates;
 use super::ways::{in_deg, tidied};
 use crate::attitude::Position;
@@ -75,7 +76,7 @@ impl Plan {
     }
 
     /// The plan with every move from position to position shorter by `share` of it: all positions
-    /// closer to the place the test begins at, and so within the ranges too.
+    /// closer to the place the plan begins at, and so within the ranges too.
     pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
         let mut angles = self.unwound(platform);
         let Some(&first) = angles.first() else {
@@ -95,9 +96,10 @@ impl Plan {
         let count = self.angles.len() as f64;
         let budget = total_time_s - self.overhead_s(platform);
         let spare = budget - count * min_dwell_s;
-        if spare < 0.0 || budget <= 0.0 {
+        if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
             return None;
         }
+        let spare = spare.max(0.0);
         let above: Vec<f64> = self
             .dwell_s
             .iter()

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::PerCoefficient;
+use crate::drift::DriftCoefficient;
 use crate::error::{Error, Result};
 use crate::platform::in_range;
 use crate::schedule::text;
@@ -120,6 +121,10 @@ pub struct ObjectiveConfig {
     #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
     #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
     pub spec_deg_per_h: PerCoefficient,
+    /// Coefficients with a weight or a specification that may stay unobservable; any other that
+    /// does is no acceptable schedule.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub accept_unobservable: Vec<DriftCoefficient>,
 }
 
 impl Default for ObjectiveConfig {
@@ -131,6 +136,7 @@ impl Default for ObjectiveConfig {
             score: ScoreConfig::default(),
             weights: PerCoefficient::default(),
             spec_deg_per_h: PerCoefficient::default(),
+            accept_unobservable: Vec::new(),
         }
     }
 }

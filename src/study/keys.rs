@@ -1,6 +1,7 @@
 //! The keys of a platform file: the one place that lists them.
 
 use super::{CriterionKind, Mode};
+use crate::drift::DriftCoefficient;
 
 /// What leaving a key out means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +70,7 @@ pub(super) const KNOWN: &[(&str, Absent)] = &[
     ("objective.spec_deg_per_h.D_SX", Nothing),
     ("objective.spec_deg_per_h.D_SY", Nothing),
     ("objective.spec_deg_per_h.D_SZ", Nothing),
+    ("objective.accept_unobservable", Nothing),
     ("search.max_positions", Assumed),
     ("search.allow_tumbling", Assumed),
     ("search.seed", Assumed),
@@ -122,6 +124,7 @@ pub(super) fn choices(path: &str) -> Option<Vec<&'static str>> {
         "objective.mode" => Some(Mode::ALL.map(Mode::name).to_vec()),
         "objective.criterion" => Some(CriterionKind::ALL.map(CriterionKind::name).to_vec()),
         "motion.repositioning" => Some(vec!["slew", "frame-hold"]),
+        "objective.accept_unobservable" => Some(DriftCoefficient::ALL.map(|c| c.name()).to_vec()),
         _ => None,
     }
 }

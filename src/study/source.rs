@@ -224,7 +224,14 @@ impl<'a> Document<'a> {
         let Some((key, place)) = e.span().and_then(|span| self.innermost(span.start)) else {
             return error;
         };
-        let raw = self.text.get(place.value.clone()).unwrap_or_default();
+        let mut raw = self.text.get(place.value.clone()).unwrap_or_default();
+        if raw.starts_with('[')
+            && keys::choices(key).is_some()
+            && let Some(element) = e.span().and_then(|span| self.text.get(span))
+        {
+            // Of a list of names, the one that is wrong.
+            raw = element;
+        }
         let bare = raw.trim_matches(['"', '\'']).trim();
         let mut error = error.with_key(key).with_line(place.line);
         // The span of a table is its header, which is no value to show.

@@ -2,7 +2,7 @@
 
 use super::{CriterionKind, Mode, Study};
 use crate::criterion::Criterion;
-use crate::drift::CoefficientVector;
+use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Evaluator, Objective};
 use crate::search::SearchProblem;
 
@@ -16,6 +16,8 @@ impl Study {
             separability_weight: score.separability_weight,
             minimum_separability: score.minimum_separability,
             spec_deg_per_h: self.spec_deg_per_h().copied(),
+            accept_unobservable: DriftCoefficient::ALL
+                .map(|c| self.objective().accept_unobservable.contains(&c)),
         }
     }
 

@@ -20,6 +20,7 @@ mod gradient;
 mod lanes;
 mod limits;
 mod observability;
+mod odd_platforms;
 mod physics;
 mod precision;
 mod reference;

@@ -39,6 +39,24 @@ fn bad_platform_files_are_refused_by_line_key_and_value() {
             &["bad.toml:2", "site.latitude_deg = 95", "-90 to 90"],
         ),
         (
+            "[objective]\naccept_unobservable = [\"D_IZ\", \"D_IQ\"]\n",
+            &[
+                "bad.toml:2",
+                "objective.accept_unobservable",
+                "\"D_IQ\"",
+                "D_FX, D_FY",
+                "did you mean `D_I",
+            ],
+        ),
+        (
+            "[objective]\naccept_unobservable = \"D_IZ\"\n",
+            &["bad.toml:2", "objective.accept_unobservable = \"D_IZ\""],
+        ),
+        (
+            "[objective]\naccept_unobservable = [3]\n",
+            &["bad.toml:2", "objective.accept_unobservable"],
+        ),
+        (
             "[accelerometer]\nnoise_g = 0.0\n",
             &["bad.toml:2", "accelerometer.noise_g = 0", "1e-12 to 1"],
         ),

@@ -1,0 +1,387 @@
+//! Which of the coefficients that count stay unobservable: by a schedule, and on a stand whatever
+//! the schedule.
+//!
+//! A coefficient counts when the criterion has a weight or a specification for it. It is observable
+//! when it lies in the row space of the channels, with what is known exactly before the test (a
+//! prior σ of zero) taken away. One that does not, and whose σ the test does not make
+//! [`USEFUL`] times smaller by way of what it is mixed with, stays unobservable; within its
+//! specification it is nobody's concern.
+//!
+//! Of a **stand** the space is that of all attitudes that it can take, and pass on the way. The
+//! entries of A are trigonometric polynomials of degree 2 in each angle (A is linear in C_c^n and
+//! in the specific force, each of degree 1). Such a polynomial is zero on an interval only if it is
+//! zero everywhere, and five different angles determine it: a gimbal that turns at all spans what
+//! five angles around the circle span, one that does not turn what its one angle does. So the space
+//! is exact, and what lies outside it no schedule on this stand can observe, whatever its positions
+//! and its time.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use super::Combination;
+use super::regressor::{Channel, Regressor, UNKNOWNS};
+use super::row_space::{RowSpace, unit};
+use crate::attitude::{EAST, NORTH, Position, UP};
+use crate::covariance::CovarianceModel;
+use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix, drift_matrix};
+use crate::error::Result;
+use crate::evaluate::{Evaluation, Evaluator};
+use crate::motion::Timeline;
+use crate::platform::{Platform, Repositioning};
+use crate::schedule::Schedule;
+
+/// A σ that is this part of the prior's is an improvement, whatever the row space says.
+pub const USEFUL: f64 = 0.1;
+
+/// The coefficients that count and stay unobservable.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Unobservable {
+    /// Those that no schedule on this stand can observe.
+    pub on_this_stand: Vec<DriftCoefficient>,
+    /// Those that this schedule does not observe; another one, of more positions, could.
+    pub by_this_schedule: Vec<DriftCoefficient>,
+    /// Those of either sort that `objective.accept_unobservable` names; in neither list above.
+    pub accepted: Vec<DriftCoefficient>,
+    /// The combinations that no schedule on this stand can observe, by name; empty where every
+    /// coefficient that counts can be.
+    pub combinations: Vec<String>,
+}
+
+impl Unobservable {
+    /// Of `schedule`, whose `evaluation` was made by `evaluator`.
+    ///
+    /// ```
+    /// use scheme_opt::drift::DriftCoefficient as D;
+    /// use scheme_opt::evaluate::{Evaluator, Objective};
+    /// use scheme_opt::observability::Unobservable;
+    /// use scheme_opt::platform::PlatformConfig;
+    /// use scheme_opt::schedule::standard::StandardScheme;
+    /// let mut config = PlatformConfig::default();
+    /// config.site.latitude_deg = 90.0;
+    /// let evaluator = Evaluator::new(config.check()?, Objective::default());
+    /// let schedule = StandardScheme::Icosahedron12.schedule(12_000.0, evaluator.platform())?;
+    /// let evaluation = evaluator.evaluate(&schedule)?;
+    /// let found = Unobservable::of(&evaluator, &schedule, &evaluation)?;
+    /// assert_eq!(found.on_this_stand, [D::IX, D::IY, D::IZ]);
+    /// assert_eq!(found.combinations, ["D_IX + D_IY + D_IZ"]);
+    /// # Ok::<(), scheme_opt::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does
+    /// not converge; as [`Timeline::new`].
+    pub fn of(evaluator: &Evaluator, schedule: &Schedule, evaluation: &Evaluation) -> Result<Self> {
+        let (platform, model) = (evaluator.platform(), evaluator.model());
+        let timeline = Timeline::new(platform, schedule)?;
+        let regressor = Regressor::new(model, &timeline);
+        let known = known(platform);
+        let space = |rows: Vec<[f64; UNKNOWNS]>| {
+            let all: Vec<_> = rows.into_iter().chain(known.iter().copied()).collect();
+            RowSpace::of(&all)
+        };
+        let observed = space(regressor.geometry(&Channel::ALL))?;
+        let missed = stays_unobservable(evaluator, evaluation, &observed);
+        if missed.is_empty() {
+            return Ok(Self::default());
+        }
+        let observable = space(rows_of_stand(platform, model))?;
+        let accepts = |c: &DriftCoefficient| evaluator.objective().accept_unobservable[c.index()];
+        let hopeless = |c: &DriftCoefficient| !observable.contains(&unit(c.index()));
+        let (accepted, missed): (Vec<_>, Vec<_>) = missed.into_iter().partition(accepts);
+        let by_stand = missed.iter().chain(&accepted).any(hopeless);
+        let (on_this_stand, by_this_schedule) = missed.into_iter().partition(hopeless);
+        let combinations = match by_stand {
+            true => observable.missing(regressor.unknowns()),
+            false => Vec::new(),
+        };
+        let name = |weights| Combination::from_array(weights).to_string();
+        Ok(Self {
+            on_this_stand,
+            by_this_schedule,
+            accepted,
+            combinations: combinations.into_iter().map(name).collect(),
+        })
+    }
+
+    /// Whether every coefficient that counts is observed, or may stay unobservable.
+    pub fn is_acceptable(&self) -> bool {
+        self.on_this_stand.is_empty() && self.by_this_schedule.is_empty()
+    }
+
+    /// What is not acceptable, in words; none where all is.
+    pub fn in_words(&self) -> Option<String> {
+        let names = |all: &[DriftCoefficient]| {
+            let names: Vec<&str> = all.iter().map(|c| c.name()).collect();
+            names.join(", ")
+        };
+        let mut parts = Vec::new();
+        if !self.on_this_stand.is_empty() {
+            parts.push(format!(
+                "no schedule on this stand can observe {}, because it cannot tell {}",
+                names(&self.on_this_stand),
+                self.combinations.join("; ")
+            ));
+        }
+        if !self.by_this_schedule.is_empty() {
+            parts.push(format!(
+                "the schedule found does not observe {}",
+                names(&self.by_this_schedule)
+            ));
+        }
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// The coefficients that count, are not in the space that is `observed`, are not much better known
+/// than before, and not within a specification.
+fn stays_unobservable(
+    evaluator: &Evaluator,
+    evaluation: &Evaluation,
+    observed: &RowSpace<UNKNOWNS>,
+) -> Vec<DriftCoefficient> {
+    let objective = evaluator.objective();
+    let sigma = evaluation.end.sigma_deg_per_h();
+    let prior = &evaluation.prior_sigma_deg_per_h;
+    let stays = |c: &DriftCoefficient| {
+        let i = c.index();
+        let spec = objective.spec_deg_per_h.map_or(f64::INFINITY, |s| s[i]);
+        let counts = objective.criterion.counts(*c) || spec.is_finite();
+        let is_met = spec.is_finite() && sigma[i] <= spec;
+        counts && !is_met && sigma[i] > USEFUL * prior[i] && !observed.contains(&unit(i))
+    };
+    DriftCoefficient::ALL.into_iter().filter(stays).collect()
+}
+
+/// A row for each unknown that is known exactly before the test.
+fn known(platform: &Platform) -> Vec<[f64; UNKNOWNS]> {
+    let prior = platform.prior_drift_rad_per_s();
+    let coefficients = (0..COEFFICIENTS).filter(|&i| prior[i] == 0.0);
+    let azimuth = (platform.prior_misalignment_rad()[UP] == 0.0).then_some(COEFFICIENTS);
+    coefficients.chain(azimuth).map(unit).collect()
+}
+
+/// Rows that span what any schedule on this stand can observe, see the module text.
+fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKNOWNS]> {
+    let [alphas, betas, gammas] = [0, 1, 2].map(|axis| angles(platform, axis));
+    let azimuth = model.omega_north() != 0.0;
+    let mut rows = Vec::new();
+    let mut add = |a: &DriftMatrix, channel: usize, weight: f64| {
+        rows.push(std::array::from_fn(|j| match j {
+            COEFFICIENTS => weight,
+            _ => a[(channel, j)],
+        }));
+    };
+    for &alpha in &alphas {
+        for &beta in &betas {
+            for &gamma in &gammas {
+                let a = drift_matrix(&Position::from_rad(alpha, beta, gamma).attitude());
+                add(&a, NORTH, 0.0);
+                add(&a, EAST, if azimuth { -1.0 } else { 0.0 });
+                if azimuth {
+                    add(&a, UP, 0.0);
+                }
+            }
+        }
+    }
+    if azimuth && platform.motion().repositioning == Repositioning::FrameHold {
+        // Changes of position may show it by themselves.
+        rows.push(unit(COEFFICIENTS));
+    }
+    rows
+}
+
+/// Angles of an axis, rad, whose attitudes span what all that it can take span.
+fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
+    /// So many determine a trigonometric polynomial of degree 2.
+    const ENOUGH: usize = 5;
+    let gimbals = platform.gimbals();
+    let all_around = || {
+        (0..ENOUGH)
+            .map(|k| TAU * k as f64 / ENOUGH as f64)
+            .collect()
+    };
+    let fixed = |low: f64, high: f64| high <= low;
+    let Some(step) = gimbals.step_rad else {
+        return match gimbals.ranges[axis] {
+            Some(r) if fixed(r.low_rad, r.high_rad) => vec![r.low_rad],
+            _ => all_around(),
+        };
+    };
+    let first = gimbals.ranges[axis].map_or(0.0, |r| (r.low_rad / step - 0.5).floor());
+    let mut settings: Vec<f64> = Vec::new();
+    // From below the range to so many settings in it, or around to one that was there before.
+    for k in 0..ENOUGH + 2 {
+        let angle = (first + k as f64) * step;
+        let turns = |known: &f64| ((angle - known) / TAU - ((angle - known) / TAU).round()).abs();
+        if gimbals.refusal(axis, angle).is_none()
+            && settings.iter().all(|known| turns(known) > 1e-9)
+            && settings.len() < ENOUGH
+        {
+            settings.push(angle);
+        }
+    }
+    // A move passes what lies between its ends.
+    match platform.motion().repositioning {
+        Repositioning::Slew if settings.len() > 1 => all_around(),
+        _ => settings,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Objective;
+    use crate::platform::PlatformConfig;
+    use crate::schedule::ScheduledPosition;
+    use DriftCoefficient as D;
+
+    fn evaluator(change: impl FnOnce(&mut PlatformConfig), objective: Objective) -> Evaluator {
+        let mut config = PlatformConfig::default();
+        change(&mut config);
+        Evaluator::new(config.check().unwrap(), objective)
+    }
+
+    /// Positions within the ranges, well spread.
+    fn of_schedule(evaluator: &Evaluator, count: usize) -> Unobservable {
+        let ranges = evaluator.platform().gimbals().ranges;
+        let at = |k: usize| {
+            let k = k as f64;
+            let spread = [0.3 + 2.1 * k, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4];
+            let angles = [0, 1, 2].map(|axis| match ranges[axis] {
+                Some(r) => {
+                    r.low_rad + (spread[axis] / TAU).rem_euclid(1.0) * (r.high_rad - r.low_rad)
+                }
+                None => spread[axis] % TAU,
+            });
+            ScheduledPosition::new(Position::from_array(angles), 1000.0)
+        };
+        let schedule = Schedule::new((0..count).map(at).collect()).unwrap();
+        let evaluation = evaluator.evaluate(&schedule).unwrap();
+        Unobservable::of(evaluator, &schedule, &evaluation).unwrap()
+    }
+
+    #[test]
+    fn a_free_stand_leaves_nothing_and_few_positions_do() {
+        let free = evaluator(|_| {}, Objective::default());
+        assert_eq!(of_schedule(&free, 6), Unobservable::default());
+        let two = of_schedule(&free, 2);
+        assert!(two.on_this_stand.is_empty() && !two.by_this_schedule.is_empty());
+        assert!(two.combinations.is_empty() && !two.is_acceptable());
+    }
+
+    /// Only the inner gimbal turns: gravity stays along one axis of the platform, and no schedule
+    /// sees more than twenty positions do.
+    #[test]
+    fn a_stand_with_two_fixed_gimbals_is_proven_blind() {
+        let fixed = evaluator(
+            |c| {
+                c.gimbals.alpha_deg = Some([0.0, 0.0]);
+                c.gimbals.beta_deg = Some([0.0, 0.0]);
+            },
+            Objective::default(),
+        );
+        let many = of_schedule(&fixed, 20);
+        assert!(many.by_this_schedule.is_empty(), "{many:?}");
+        let mut config = PlatformConfig::default();
+        config.gimbals.alpha_deg = Some([0.0, 0.0]);
+        config.gimbals.beta_deg = Some([0.0, 0.0]);
+        let turning = of_schedule(&evaluator(|c| *c = config.clone(), Objective::default()), 2);
+        assert_eq!(turning.on_this_stand, many.on_this_stand);
+        assert!(many.on_this_stand.contains(&D::OX) || many.on_this_stand.contains(&D::SX));
+        assert!(!many.combinations.is_empty());
+        // Accepting them all is enough.
+        let mut accept_unobservable = [false; COEFFICIENTS];
+        for c in &many.on_this_stand {
+            accept_unobservable[c.index()] = true;
+        }
+        let accepting = evaluator(
+            |c| *c = config,
+            Objective {
+                accept_unobservable,
+                ..Objective::default()
+            },
+        );
+        let accepted = of_schedule(&accepting, 20);
+        assert!(accepted.is_acceptable());
+        assert_eq!(accepted.accepted, many.on_this_stand);
+        assert_eq!(accepted.combinations, many.combinations);
+    }
+
+    /// The space of the stand is that of many attitudes drawn within its ranges.
+    #[test]
+    fn five_angles_of_an_axis_span_what_all_do() {
+        for (alpha, beta, step) in [
+            (None, None, None),
+            (Some([20.0, 20.0]), None, None),
+            (Some([20.0, 60.0]), Some([-30.0, -30.0]), None),
+            (Some([0.0, 0.0]), Some([90.0, 90.0]), None),
+            (None, Some([0.0, 0.0]), Some(90.0)),
+            (Some([0.0, 0.0]), Some([80.0, 100.0]), Some(90.0)),
+        ] {
+            let stand = evaluator(
+                |c| {
+                    c.gimbals.alpha_deg = alpha;
+                    c.gimbals.beta_deg = beta;
+                    c.gimbals.step_deg = step;
+                },
+                Objective::default(),
+            );
+            let (platform, model) = (stand.platform(), stand.model());
+            let space = RowSpace::of(&rows_of_stand(platform, model)).unwrap();
+            let mut rows = Vec::new();
+            for k in 0..400 {
+                let k = f64::from(k);
+                let angles = [alpha, beta, None].map(|range| match range {
+                    // With a step, moves pass everything between the settings.
+                    Some([low, high]) if step.is_none() => {
+                        low + (high - low) * (k * 0.618_034).fract()
+                    }
+                    Some([low, high]) => 0.5 * (low + high),
+                    None => 360.0 * (k * (0.754_878 + 0.01 * k)).fract(),
+                });
+                let a =
+                    drift_matrix(&Position::from_deg(angles[0], angles[1], angles[2]).attitude());
+                for (axis, azimuth) in [(NORTH, 0.0), (EAST, -1.0), (UP, 0.0)] {
+                    let row: [f64; UNKNOWNS] = std::array::from_fn(|j| match j {
+                        COEFFICIENTS => azimuth,
+                        _ => a[(axis, j)],
+                    });
+                    assert!(space.contains(&row), "{alpha:?} {beta:?} {step:?}");
+                    rows.push(row);
+                }
+            }
+            let drawn = RowSpace::of(&rows).unwrap();
+            assert_eq!(drawn.rank(), space.rank(), "{alpha:?} {beta:?} {step:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_known_or_within_its_specification_is_nobodys_concern() {
+        let blind = |c: &mut PlatformConfig| {
+            c.gimbals.alpha_deg = Some([0.0, 0.0]);
+            c.gimbals.beta_deg = Some([0.0, 0.0]);
+        };
+        let wide = Objective {
+            spec_deg_per_h: Some(crate::drift::CoefficientVector::repeat(100.0)),
+            ..Objective::default()
+        };
+        assert!(of_schedule(&evaluator(blind, wide), 6).is_acceptable());
+        let all = of_schedule(&evaluator(blind, Objective::default()), 6);
+        let g_known = evaluator(
+            |c| {
+                blind(c);
+                c.prior.g_sensitive_drift_deg_per_h_per_g =
+                    crate::platform::GSensitivePrior::All(crate::platform::AxisValue::All(0.0));
+            },
+            Objective::default(),
+        );
+        let left = of_schedule(&g_known, 6);
+        assert!(
+            left.on_this_stand.len() < all.on_this_stand.len(),
+            "{left:?}"
+        );
+    }
+}
