@@ -18,6 +18,7 @@ mod fuzz;
 mod gradient;
 mod lanes;
 mod limits;
+mod near_aligned;
 mod observability;
 mod physics;
 mod precision;
