@@ -147,11 +147,13 @@ impl fmt::Display for Nearly {
 
 /// Two significant digits, as a person writes them.
 fn two_digits(value: f64) -> String {
-    let exponent = libm::log10(value).floor();
+    let rounded = format!("{value:.1e}");
+    let exponent = rounded
+        .split_once('e')
+        .and_then(|(_, e)| e.parse::<i32>().ok());
     match exponent {
-        e if e >= 0.0 => format!("{value:.1}"),
-        e if e >= -6.0 => format!("{value:.0$}", (1.0 - e) as usize),
-        _ => format!("{value:.1e}"),
+        Some(e @ -6..1) => format!("{value:.0$}", (1 - e) as usize),
+        _ => rounded,
     }
 }
 
@@ -260,5 +262,7 @@ mod tests {
         let five = [&four[..], &[(D::IZ, 1.0)]].concat();
         assert!(words(&five, 0.5).contains("D_FY, D_FZ, D_IX and 2 others only"));
         assert!(words(&one, 3e-9).contains("by 3.0e-9 deg"));
+        // Just below: no third digit.
+        assert!(words(&one, 0.009_998).contains("by 0.010 deg"));
     }
 }
