@@ -189,14 +189,19 @@ impl Observability {
         let unobservable_combinations: Vec<Combination> =
             missing.into_iter().map(Combination::from_array).collect();
         let each = DriftCoefficient::ALL.map(Combination::single);
+        let orders = each.map(|c| spaces.order_of(&c));
+        let first = |c: DriftCoefficient| orders[c.index()].is_some_and(|o| o <= Order::First);
         Ok(Self {
-            orders: each.map(|c| spaces.order_of(&c)),
+            orders,
             strict_orders: each.map(|c| spaces.strict_order_of(&c)),
             separability_first_order: separability::of_rows(
                 &regressor.weighted(&Channel::FIRST),
                 &spaces.first,
+                first,
             ),
-            separability: separability::of_rows(&weighted, &spaces.all),
+            separability: separability::of_rows(&weighted, &spaces.all, |c| {
+                orders[c.index()].is_some()
+            }),
             rank: spaces.all.rank(),
             rank_first_order: spaces.first.rank(),
             rank_x: spaces.x.rank(),

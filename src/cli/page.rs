@@ -27,6 +27,14 @@ pub(super) fn run(args: &ReportArgs, output: Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// The page, or one that says why there is none: what it explains is not lost with it.
+pub(super) fn made(page: Result<String>, output: Output) -> Result<String> {
+    page.or_else(|why| {
+        output.message(&format!("note: the report could not be made: {why}"));
+        html::absent(&why)
+    })
+}
+
 /// Writes a page to `path`, if there is one.
 pub(super) fn write(
     path: Option<&Path>,
@@ -34,7 +42,7 @@ pub(super) fn write(
     page: impl FnOnce() -> Result<String>,
 ) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
-    write_file(path, &page()?, true)?;
+    write_file(path, &made(page(), output)?, true)?;
     output.message(&format!("written: {}", path.display()));
     Ok(())
 }

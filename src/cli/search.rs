@@ -26,7 +26,7 @@ use super::checkpoint::Checkpoint;
 use super::files::{Litter, OutputFiles};
 use super::output::Output;
 use super::progress::ProgressDisplay;
-use super::{inputs, report};
+use super::{inputs, page, report};
 
 /// What is written into the output directory.
 const FILES: [&str; 5] = [
@@ -70,9 +70,12 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let contents = [
         to_json(&outcome.schedule),
         to_csv(&outcome.schedule),
-        CommandTable::new(study.platform(), &timeline, step_deg)?.to_csv(),
+        CommandTable::new(study.platform(), &timeline, step_deg).map_or_else(
+            |why| format!("# no command table: {why}\n"),
+            |table| table.to_csv(),
+        ),
         json.clone(),
-        html::result(&document)?,
+        page::made(html::result(&document), output)?,
     ];
     // The result of a long search is shown even where it cannot be written.
     let committed = files.commit(&contents);

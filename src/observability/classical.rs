@@ -14,7 +14,6 @@ use nalgebra::{Matrix3, SMatrix};
 
 use super::combinations::Combination;
 use super::regressor::{Channel, Regressor};
-use super::row_space::RowSpace;
 use super::singular::Singular;
 use super::{Observability, Order, Spaces, separability};
 use crate::attitude::{EAST, NORTH};
@@ -326,8 +325,10 @@ impl Measure {
             Self::Channels => {
                 let regressor = Regressor::new(model, timeline);
                 let rows = regressor.weighted(&Channel::ALL);
-                let space = RowSpace::of(&regressor.geometry(&Channel::ALL));
-                let separability = separability::of_rows(&rows, &space);
+                let spaces = Spaces::of(&regressor);
+                let separability = separability::of_rows(&rows, &spaces.all, |c| {
+                    spaces.order_of(&Combination::single(c)).is_some()
+                });
                 let length = |j: usize| rows.iter().map(|r| r[j] * r[j]).sum::<f64>().sqrt();
                 Ok(CoefficientVector::from_fn(|i, _| {
                     separability[i] * length(i)

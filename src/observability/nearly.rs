@@ -1,17 +1,19 @@
 //! What is told only through a small tilt.
 //!
 //! An order is geometry: 0.01° off an axis is oblique, and what that shows is observable. Weights
-//! that make so much of so little are large, though. With c = Σ w_k row_k, rows that are wrong by
-//! an angle δ each make c wrong by up to δ Σ|w_k|, so that from
+//! that make so much of so little are large, though. In c = Σ w_k row_k let P be the sum of the
+//! positive weights or that of the negative ones, whichever is larger in size. Then c is P times a
+//! difference of two weighted means of rows (or a mean alone), in which one unit of c shows as
 //!
 //! ```text
-//! δ = 1/Σ|w_k|
+//! δ = 1/P:
 //! ```
 //!
-//! on they can make up all of it: the tilt by which c is told from the others. The weights are the
-//! shortest over all rows of its order; with fewer rows δ is smaller. What would be taken for c
-//! instead follows from the same least squares: the others change by G c/(cᵀ G c) with
-//! G = (RᵀR)⁺ for one unit of c.
+//! the tilt by which c is told from the others. A position off an axis by δ in a schedule that is
+//! axis-aligned otherwise comes out as this δ, and rows that are wrong by δ can make up all of c.
+//! The weights are the shortest over all rows of the order. What would be taken for c but for the
+//! tilt follows from the same least squares: the others change by G c/(cᵀ G c) with G = (RᵀR)⁺ for
+//! one unit of c.
 
 use std::fmt;
 
@@ -145,11 +147,13 @@ impl fmt::Display for Nearly {
 
 /// Two significant digits, as a person writes them.
 fn two_digits(value: f64) -> String {
-    let exponent = libm::log10(value).floor();
+    let rounded = format!("{value:.1e}");
+    let exponent = rounded
+        .split_once('e')
+        .and_then(|(_, e)| e.parse::<i32>().ok());
     match exponent {
-        e if e >= 0.0 => format!("{value:.1}"),
-        e if e >= -6.0 => format!("{value:.0$}", (1.0 - e) as usize),
-        _ => format!("{value:.1e}"),
+        Some(e @ -6..1) => format!("{value:.0$}", (1 - e) as usize),
+        _ => rounded,
     }
 }
 
@@ -180,12 +184,14 @@ impl<'a> View<'a> {
     /// δ of a combination, its largest weight one; none where it is large.
     fn small_tilt(&self, combination: &Combination) -> Option<f64> {
         let weights = self.all.weights(combination.as_array())?;
-        let gain: f64 = weights
-            .iter()
-            .zip(&self.shares)
-            .map(|(u, share)| (u * share).abs())
-            .sum();
-        let tilt_rad = gain.recip();
+        let (mut positive, mut negative) = (0.0, 0.0);
+        for (u, share) in weights.iter().zip(&self.shares) {
+            match u * share {
+                w if w > 0.0 => positive += w,
+                w => negative -= w,
+            }
+        }
+        let tilt_rad = f64::max(positive, negative).recip();
         (tilt_rad < Angle::from_deg(NEARLY_DEG).rad()).then_some(tilt_rad)
     }
 
@@ -219,5 +225,44 @@ impl<'a> View<'a> {
             taken_for: Combination::of(&[]),
             tilt_rad: self.small_tilt(&combination)?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use DriftCoefficient as D;
+
+    fn words(from: &[(D, f64)], tilt_deg: f64) -> String {
+        let nearly = Nearly {
+            told: Told::Coefficient(D::FX),
+            order: Order::First,
+            taken_for: Combination::of(from),
+            tilt_rad: Angle::from_deg(tilt_deg).rad(),
+        };
+        nearly.to_string()
+    }
+
+    #[test]
+    fn the_words_are_a_sentence() {
+        let one = [(D::SX, -1.0), (D::OX, 0.01)];
+        assert_eq!(
+            words(&one, 0.01),
+            "D_FX is told from D_SX only by 0.010 deg of tilt, at order 1."
+        );
+        assert_eq!(
+            words(&[], 0.000_123),
+            "D_FX shows only by 0.00012 deg of tilt, at order 1."
+        );
+        let four = [(D::FY, 1.0), (D::FZ, 1.0), (D::IX, 1.0), (D::IY, 1.0)];
+        assert_eq!(
+            words(&four, 0.5),
+            "D_FX is told from D_FY, D_FZ, D_IX and D_IY only by 0.50 deg of tilt, at order 1."
+        );
+        let five = [&four[..], &[(D::IZ, 1.0)]].concat();
+        assert!(words(&five, 0.5).contains("D_FY, D_FZ, D_IX and 2 others only"));
+        assert!(words(&one, 3e-9).contains("by 3.0e-9 deg"));
+        // Just below: no third digit.
+        assert!(words(&one, 0.009_998).contains("by 0.010 deg"));
     }
 }

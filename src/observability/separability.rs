@@ -12,22 +12,27 @@ use super::singular::Singular;
 use crate::attitude::UP;
 use crate::covariance::CovarianceModel;
 use crate::covariance::gradient::LegGradient;
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix, drift_matrix_adjoint};
+use crate::drift::{
+    COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftMatrix, drift_matrix_adjoint,
+};
 use crate::motion::Timeline;
 
 /// Separability of each coefficient by weighted `rows`, whose space is `space` up to their weights;
-/// zero where the coefficient is not in the space, and only there.
-pub(super) fn of_rows(rows: &[[f64; UNKNOWNS]], space: &RowSpace<UNKNOWNS>) -> CoefficientVector {
+/// zero for those that have no order, and only for them.
+pub(super) fn of_rows(
+    rows: &[[f64; UNKNOWNS]],
+    space: &RowSpace<UNKNOWNS>,
+    has_order: impl Fn(DriftCoefficient) -> bool,
+) -> CoefficientVector {
     let all = AllRows::new(space, rows);
     CoefficientVector::from_fn(|i, _| {
-        let own = unit(i);
-        if !space.contains(&own) {
+        if !has_order(DriftCoefficient::ALL[i]) {
             return 0.0;
         }
         let squares: f64 = rows.iter().map(|row| row[i] * row[i]).sum();
         // 1 but for rounding where no other coefficient has anything in common with this one.
         let inflation = |variance: f64| (squares * variance).max(1.0);
-        all.variance(&own)
+        all.variance(&unit(i))
             .map_or(0.0, |variance| inflation(variance).sqrt().recip())
     })
 }
@@ -291,7 +296,9 @@ mod tests {
         let timeline = Timeline::new(&platform, &schedule).unwrap();
         let regressor = Regressor::new(&CovarianceModel::new(&platform), &timeline);
         let space = RowSpace::of(&regressor.geometry(channels));
-        of_rows(&regressor.weighted(channels), &space)
+        of_rows(&regressor.weighted(channels), &space, |c| {
+            space.contains(&unit(c.index()))
+        })
     }
 
     #[test]

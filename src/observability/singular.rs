@@ -1,6 +1,6 @@
 //! Singular values and right singular vectors of rows.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Rounds of rotations, after which the columns are as orthogonal as they will be; six to ten are
 /// usual, and every one of them leaves the decomposition as exact as it was.
@@ -47,12 +47,7 @@ impl Singular {
         order.sort_by(|&a, &b| lengths[b].total_cmp(&lengths[a]));
         Self {
             values: order.iter().map(|&k| lengths[k]).collect(),
-            vectors: DMatrix::from_columns(
-                &order
-                    .iter()
-                    .map(|&k| vectors.column(k).into_owned())
-                    .collect::<Vec<DVector<f64>>>(),
-            ),
+            vectors: DMatrix::from_fn(width, width, |j, k| vectors[(j, order[k])]),
         }
     }
 
@@ -89,6 +84,7 @@ fn rotate(columns: &mut DMatrix<f64>, vectors: &mut DMatrix<f64>, p: usize, q: u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::DVector;
 
     #[test]
     fn values_and_vectors_are_those_of_another_decomposition() {

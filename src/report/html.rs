@@ -290,6 +290,18 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
         .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")))
 }
 
+/// The page in place of one that could not be made: that and why, for a result that must not be
+/// lost to its explanation.
+///
+/// # Errors
+///
+/// [`Error::is_numerical`] when the template cannot be written.
+pub fn absent(why: &Error) -> Result<String> {
+    let text = format!("This report could not be made: {why}. The document has the result.");
+    let section = Section::new("verdict", "No report", vec![Block::Text(text)]);
+    page("Torquing scheme", vec![section])
+}
+
 /// The unit as this page writes it: sentences shared with the terminal have it in plain letters.
 fn typeset(sentence: &str) -> String {
     sentence.replace("deg/h", "°/h")

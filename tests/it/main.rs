@@ -19,6 +19,7 @@ mod fuzz;
 mod gradient;
 mod lanes;
 mod limits;
+mod near_aligned;
 mod observability;
 mod odd_platforms;
 mod physics;

@@ -19,6 +19,8 @@ const COLUMNS: usize = 22;
 const WRITTEN_OUT: usize = 8;
 /// Longest combination that is written out, characters.
 const SHORT: usize = 40;
+/// Terms of a reconstruction that are written out: more are seldom needed.
+const TERMS: usize = 13;
 /// Weak combinations that are listed.
 const WEAKEST: usize = 4;
 
@@ -117,7 +119,7 @@ fn coefficients(document: &AnalysisDocument) -> String {
     let o = &document.observability;
     let condition = o
         .condition_number
-        .map_or_else(|| "infinite".to_owned(), |c| format!("{c:.1}"));
+        .map_or_else(|| "infinite".to_owned(), condition);
     text.push('\n');
     text.push_str(&wrap(&format!(
         "Rank {} of {} unknowns; {} by the channels of order 1, {} by x alone. Order of \
@@ -142,6 +144,23 @@ fn coefficients(document: &AnalysisDocument) -> String {
         }
     }
     text
+}
+
+fn condition(value: f64) -> String {
+    match value {
+        c if c < 1e5 => format!("{c:.1}"),
+        c => number(c),
+    }
+}
+
+/// The size of a weight: three decimals, where those say something.
+fn weight(size: f64) -> String {
+    match size {
+        w if w < 5e-4 => format!("{w:.1e}"),
+        w if w < 1e3 => format!("{w:.3}"),
+        w if w < 1e7 => format!("{w:.0}"),
+        w => format!("{w:.3e}"),
+    }
 }
 
 fn channels(r: &ReconstructionRecord) -> String {
@@ -205,7 +224,7 @@ fn reconstructions(document: &AnalysisDocument) -> String {
             continue;
         };
         let mut sum = String::new();
-        for (i, t) in r.terms.iter().enumerate() {
+        for (i, t) in r.terms.iter().take(TERMS).enumerate() {
             let sign = match (i, t.weight < 0.0) {
                 (0, false) => "",
                 (0, true) => "-",
@@ -222,9 +241,13 @@ fn reconstructions(document: &AnalysisDocument) -> String {
                 c => c.name(),
             };
             sum.push_str(&format!(
-                "{sign}{:.3}\u{a0}{channel}@{place} ",
-                t.weight.abs()
+                "{sign}{}\u{a0}{channel}@{place} ",
+                weight(t.weight.abs())
             ));
+        }
+        if r.terms.len() > TERMS {
+            let more = r.terms.len() - TERMS;
+            sum.push_str(&format!("and {more} more terms, all by --json "));
         }
         let line = format!("{name} = {sum}(sigma\u{a0}{})", number(r.sigma_deg_per_h));
         text.push_str(&wrap(
