@@ -3,8 +3,8 @@
 //! 1. **Propose** ([`propose`]): random attitudes, structured sets (icosahedron, cube) and the
 //!    standard schemes, as many starts as asked for, each from its own random stream, in parallel.
 //! 2. **Refine** ([`refine`]): L-BFGS with the exact gradient on all angles and dwells at once
-//!    ([`variables`]): argmin's for a plan that is worked out to the end; where many plans are
-//!    tried, one of our own that advances them together, a gradient in each lane.
+//!    ([`variables`]), driven by argmin for a plan that is worked out to the end; where many plans
+//!    are tried, it advances them together, a gradient in each lane.
 //! 3. **Allocate** ([`allocate`]): dwell times by a sequence of convex quadratic programs
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
@@ -39,6 +39,7 @@ pub mod propose;
 pub mod refine;
 pub mod shortest;
 mod table;
+mod termination;
 mod together;
 mod tumbling;
 pub mod variables;
@@ -56,6 +57,7 @@ use crate::schedule::Schedule;
 pub use front::FrontPoint;
 use pipeline::{Context, Work, best_candidate};
 pub use progress::{Control, Phase, Progress};
+pub use termination::RefinementCounters;
 
 /// What to search for.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,6 +124,9 @@ pub struct Counters {
     pub gradients: u64,
     /// Starts worked through.
     pub starts: u64,
+    /// How the refinements ended.
+    #[serde(default)]
+    pub refinements: RefinementCounters,
 }
 
 /// The result of a search.

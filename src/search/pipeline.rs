@@ -1,18 +1,20 @@
 //! From starts to the best candidate: screen, finish, choose.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
 use super::checkpoint::Memorable;
 use super::finish::FreeAngles;
 use super::improve::{Place, improve};
+use super::lbfgs::Ended;
 use super::refine::Refined;
 use super::table::{OnTable, Table, screen_on_table};
 use super::together::{refine_side_by_side, share_of_a_thread};
 use super::variables::Plan;
 use super::workshop::Workshop;
-use super::{Control, Counters, Phase, SearchProblem, propose};
+use super::{Control, Counters, Phase, RefinementCounters, SearchProblem, propose};
 use crate::criterion::Smoothing;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
@@ -51,6 +53,7 @@ pub(crate) struct Work {
     evaluations: AtomicU64,
     gradients: AtomicU64,
     starts: AtomicU64,
+    refinements: Mutex<RefinementCounters>,
     /// Stages of the search begun: a stage is one problem's starts worked through, or one plan
     /// worked out on the way. They follow one another, whatever the number of threads.
     stages: AtomicU64,
@@ -62,8 +65,17 @@ impl Work {
         self.evaluations.fetch_add(n, Ordering::Relaxed);
     }
 
-    pub fn count_gradients(&self, n: u64) {
-        self.gradients.fetch_add(n, Ordering::Relaxed);
+    /// A refinement with the gradients it took.
+    pub fn count_refinement(&self, ended: Ended) {
+        self.gradients.fetch_add(ended.gradients, Ordering::Relaxed);
+        self.refinements().count(ended.termination, ended.restarts);
+    }
+
+    fn refinements(&self) -> MutexGuard<'_, RefinementCounters> {
+        // A panic elsewhere leaves whole numbers.
+        self.refinements
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn counters(&self) -> Counters {
@@ -71,14 +83,17 @@ impl Work {
             evaluations: self.evaluations.load(Ordering::Relaxed),
             gradients: self.gradients.load(Ordering::Relaxed),
             starts: self.starts.load(Ordering::Relaxed),
+            refinements: *self.refinements(),
         }
     }
 
     /// Adds work that was done elsewhere.
     pub fn add(&self, counters: Counters) {
         self.count_evaluations(counters.evaluations);
-        self.count_gradients(counters.gradients);
+        self.gradients
+            .fetch_add(counters.gradients, Ordering::Relaxed);
         self.starts.fetch_add(counters.starts, Ordering::Relaxed);
+        self.refinements().add(counters.refinements);
     }
 
     /// The number of the stage that begins now.
@@ -305,21 +320,20 @@ fn screen_together(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<R
             }
         }
         let plans = to_do.iter().map(|(_, plan)| plan.clone()).collect();
-        refine_side_by_side(context, plans, smoothing, SCREENING_ITERATIONS, |ended| {
-            if ended.gradients == 0 {
-                // The search was stopped before it was begun.
+        refine_side_by_side(context, plans, smoothing, SCREENING_ITERATIONS, |outcome| {
+            let Some(ended) = outcome.ended else {
                 return;
-            }
-            let (index, plan) = to_do[ended.index];
+            };
+            let (index, plan) = to_do[outcome.index];
             let own = Work::default();
             own.starts.fetch_add(1, Ordering::Relaxed);
-            own.count_gradients(ended.gradients);
+            own.count_refinement(ended);
             let with_own = Context {
                 work: &own,
                 ..context
             };
             // A plan without spare time has no variables to refine.
-            let result = ended.refined.or_else(|| rate(with_own, plan, smoothing));
+            let result = outcome.refined.or_else(|| rate(with_own, plan, smoothing));
             context.put_down(name(*index), result.as_ref(), &own);
             keep(*index, result);
         });
