@@ -7,7 +7,7 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::SearchProblem;
+use super::problem::SearchProblem;
 use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
 use crate::error::{Error, Result};

@@ -4,40 +4,11 @@
 //! logarithm of the criterion. (Finite-difference gradients stop about 10 % early.) What comes of it
 //! is the best point seen, trial points included, and how it ended.
 
+use super::context::Context;
 use super::lbfgs::solver::{self, Merit};
-use super::pipeline::Context;
-use super::variables::{Plan, Variables};
-use crate::covariance::gradient::LegGradient;
+use super::plan::Refined;
+use super::variables::{Coordinates, Plan, Variables};
 use crate::criterion::Smoothing;
-use crate::motion::Timeline;
-
-/// A refined plan with its merit.
-#[derive(Debug, Clone)]
-pub struct Refined {
-    /// The plan.
-    pub plan: Plan,
-    /// Its merit (the score, with any penalty), lower is better.
-    pub merit: f64,
-}
-
-impl Refined {
-    /// The better of two; of equals the first, whatever thread was faster.
-    pub(super) fn better(self, other: Self) -> Self {
-        if other.merit < self.merit {
-            other
-        } else {
-            self
-        }
-    }
-}
-
-/// Free variables behind a timeline.
-pub(crate) trait Coordinates {
-    /// The timeline of `x`; none where there is none.
-    fn timeline(&self, x: &[f64]) -> Option<Timeline>;
-    /// The gradient with respect to `x` from that of the timeline.
-    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64>;
-}
 
 /// The merit as a function of the variables.
 struct MeritOf<'a, C> {

@@ -13,9 +13,9 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use super::allocate::allocate;
+use super::context::Context;
 use super::insert::{detour_s, price_of_time};
-use super::pipeline::{Candidate, Context, rate, told_apart};
-use super::refine::Refined;
+use super::plan::{Candidate, Refined, rate, told_apart};
 use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::Position;
@@ -477,7 +477,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::pipeline::Work;
+    use crate::search::context::Work;
     use crate::search::{Control, SearchProblem, search};
 
     fn evaluator() -> Evaluator {

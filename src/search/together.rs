@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
+use super::context::Context;
 use super::lbfgs::{Ended, Lbfgs, Minimised, Progress};
-use super::pipeline::Context;
-use super::refine::{Coordinates, Refined};
-use super::variables::{Plan, Variables};
+use super::plan::Refined;
+use super::variables::{Coordinates, Plan, Variables};
 use crate::criterion::Smoothing;
 
 /// Plans on their way at a time: as many as the widest registers have lanes.
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::pipeline::Work;
+    use crate::search::context::Work;
     use crate::search::propose::starts;
     use crate::search::refine::refine;
     use crate::search::{Control, SearchProblem};

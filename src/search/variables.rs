@@ -6,13 +6,20 @@
 //! of the total time in the proportions `softmax(z)`. So every point is within the limits and
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 
-use super::refine::Coordinates;
 use crate::attitude::{Position, wrap_half_turn};
 use crate::covariance::gradient::LegGradient;
 use crate::error::Result;
 use crate::motion::{Timeline, gimbal_change};
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Free variables behind a timeline.
+pub(crate) trait Coordinates {
+    /// The timeline of `x`; none where there is none.
+    fn timeline(&self, x: &[f64]) -> Option<Timeline>;
+    /// The gradient with respect to `x` from that of the timeline.
+    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64>;
+}
 
 /// Angles and dwells of a schedule under work.
 #[derive(Debug, Clone, PartialEq)]
