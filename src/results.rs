@@ -10,6 +10,7 @@
 mod analysis;
 mod bound;
 mod comparison;
+mod counters;
 mod layout;
 #[cfg(feature = "schema")]
 pub mod schema;
@@ -30,7 +31,7 @@ use crate::evaluate::{Evaluation, Objective, Score};
 use crate::observability::{Observability, Unobservable};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
-use crate::search::{Counters, FrontPoint, SearchOutcome};
+use crate::search::{FrontPoint, SearchOutcome};
 use crate::study::StudyConfig;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
@@ -43,6 +44,7 @@ pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
 pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
 };
+pub use counters::{CounterRecord, RefinementRecord};
 pub use schemes::{SCHEMES_SCHEMA, SchemeListDocument, SchemeRecord};
 pub use simulation::{
     SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment, SimulatedPosition,
@@ -326,18 +328,6 @@ pub struct SkippedBaseline {
     pub reason: String,
 }
 
-/// How much work a search did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct CounterRecord {
-    /// Values of schedules computed without gradient.
-    pub evaluations: u64,
-    /// Values computed with gradient.
-    pub gradients: u64,
-    /// Starts worked through.
-    pub starts: u64,
-}
-
 /// JSON knows finite numbers only.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
@@ -552,16 +542,6 @@ impl ResultDocument {
         self.baselines
             .iter()
             .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
-    }
-}
-
-impl From<&Counters> for CounterRecord {
-    fn from(c: &Counters) -> Self {
-        Self {
-            evaluations: c.evaluations,
-            gradients: c.gradients,
-            starts: c.starts,
-        }
     }
 }
 

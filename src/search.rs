@@ -3,8 +3,8 @@
 //! 1. **Propose** ([`propose`]): random attitudes, structured sets (icosahedron, cube) and the
 //!    standard schemes, as many starts as asked for, each from its own random stream, in parallel.
 //! 2. **Refine** ([`refine`]): L-BFGS with the exact gradient on all angles and dwells at once
-//!    ([`variables`]): argmin's for a plan that is worked out to the end; where many plans are
-//!    tried, one of our own that advances them together, a gradient in each lane.
+//!    ([`variables`]), driven by argmin for a plan that is worked out to the end; where many plans
+//!    are tried, it advances them together, a gradient in each lane.
 //! 3. **Allocate** ([`allocate`]): dwell times by a sequence of convex quadratic programs
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
@@ -27,26 +27,29 @@
 
 pub mod allocate;
 pub mod checkpoint;
+mod context;
 mod finish;
 mod fit;
 pub mod front;
 mod improve;
 mod insert;
+mod journal;
 mod lbfgs;
 pub mod order;
 mod pipeline;
+mod plan;
+mod problem;
 mod progress;
 pub mod propose;
-pub mod refine;
+mod refine;
 pub mod shortest;
 mod table;
+mod termination;
 mod together;
 mod tumbling;
 pub mod variables;
 mod ways;
 mod workshop;
-
-use serde::{Deserialize, Serialize};
 
 use crate::criterion::Criterion;
 use crate::drift::DriftCoefficient;
@@ -56,96 +59,11 @@ use crate::motion::MAX_FILTER_PERIODS;
 use crate::observability::Unobservable;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
-pub use front::FrontPoint;
-use pipeline::{Context, Work, best_candidate};
+use context::{Context, Work};
+use pipeline::best_candidate;
+pub use problem::{Counters, FrontPoint, SearchOutcome, SearchProblem, Status};
 pub use progress::{Control, Phase, Progress};
-
-/// What to search for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SearchProblem {
-    /// Duration of the test, moves and settles included, s.
-    pub total_time_s: f64,
-    /// Most positions of the schedule; a turn, with its start and its end, counts as one.
-    pub max_positions: usize,
-    /// How many starts.
-    pub starts: usize,
-    /// Seed of the random streams.
-    pub seed: u64,
-    /// A position is dropped when the score gets worse by less than this without it.
-    pub position_tolerance: f64,
-    /// Whether the platform may turn slowly while it measures: each position then is a measured
-    /// continuous move.
-    pub allow_tumbling: bool,
-}
-
-impl Default for SearchProblem {
-    fn default() -> Self {
-        Self {
-            total_time_s: 12_000.0,
-            max_positions: 24,
-            starts: 64,
-            seed: 1,
-            position_tolerance: 2e-4,
-            allow_tumbling: false,
-        }
-    }
-}
-
-/// How a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Status {
-    /// All starts were worked through.
-    Converged,
-    /// The time limit ended it; the schedule is the best found so far.
-    TimeLimit,
-    /// It was cancelled; the schedule is the best found so far.
-    Interrupted,
-    /// No schedule meets what was asked; the schedule is the nearest found.
-    Infeasible,
-}
-
-impl Status {
-    /// The name used in documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::TimeLimit => "time-limit",
-            Self::Interrupted => "interrupted",
-            Self::Infeasible => "infeasible",
-        }
-    }
-}
-
-/// How much work a search did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Counters {
-    /// Values of schedules computed without gradient.
-    pub evaluations: u64,
-    /// Values computed with gradient.
-    pub gradients: u64,
-    /// Starts worked through.
-    pub starts: u64,
-}
-
-/// The result of a search.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SearchOutcome {
-    /// How it ended.
-    pub status: Status,
-    /// The same in words.
-    pub reason: String,
-    /// The recommended schedule.
-    pub schedule: Schedule,
-    /// Its evaluation, both computations agreeing.
-    pub evaluation: Evaluation,
-    /// What counts and yet stays unobservable, on this stand or by this schedule.
-    pub unobservable: Unobservable,
-    /// In mode `pareto` the front of total time against criterion, shortest test first; its
-    /// last point is the schedule above. Empty otherwise.
-    pub front: Vec<FrontPoint>,
-    /// Work done.
-    pub counters: Counters,
-}
+pub use termination::RefinementCounters;
 
 /// Searches for the best schedule of `problem` on the evaluator's platform, by its objective.
 ///

@@ -137,7 +137,10 @@ impl<'a> BlackBox<'a> {
         let platform = self.evaluator.platform();
         let plan = self.plan(&self.best.borrow().1)?;
         let total_time_s = self.variables.total_time_s();
-        let schedule = plan.to_schedule().ok()?.scaled_to(platform, total_time_s);
+        let schedule = plan
+            .to_schedule(platform)
+            .ok()?
+            .scaled_to(platform, total_time_s);
         let timeline = Timeline::new(platform, &schedule.ok()?).ok()?;
         let model = self.evaluator.model();
         let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;

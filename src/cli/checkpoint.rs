@@ -21,7 +21,7 @@ use super::output::Output;
 /// Name of the file in the output directory.
 const FILE: &str = "checkpoint.json";
 /// Name and major version of the document.
-const SCHEMA: &str = "scheme-opt/checkpoint/1";
+const SCHEMA: &str = "scheme-opt/checkpoint/2";
 /// Largest checkpoint that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
 /// Share of the time that may go into writing checkpoints.

@@ -82,12 +82,12 @@ impl Unobservable {
             let all: Vec<_> = rows.into_iter().chain(known.iter().copied()).collect();
             RowSpace::of(&all)
         };
-        let observed = space(regressor.geometry(&Channel::ALL))?;
+        let observed = space(regressor.geometry(&Channel::ALL));
         let missed = stays_unobservable(evaluator, evaluation, &observed);
         if missed.is_empty() {
             return Ok(Self::default());
         }
-        let observable = space(rows_of_stand(platform, model))?;
+        let observable = space(rows_of_stand(platform, model));
         let accepts = |c: &DriftCoefficient| evaluator.objective().accept_unobservable[c.index()];
         let hopeless = |c: &DriftCoefficient| !observable.contains(&unit(c.index()));
         let (accepted, missed): (Vec<_>, Vec<_>) = missed.into_iter().partition(accepts);
@@ -330,7 +330,7 @@ mod tests {
                 Objective::default(),
             );
             let (platform, model) = (stand.platform(), stand.model());
-            let space = RowSpace::of(&rows_of_stand(platform, model)).unwrap();
+            let space = RowSpace::of(&rows_of_stand(platform, model));
             let mut rows = Vec::new();
             for k in 0..400 {
                 let k = f64::from(k);
@@ -353,7 +353,7 @@ mod tests {
                     rows.push(row);
                 }
             }
-            let drawn = RowSpace::of(&rows).unwrap();
+            let drawn = RowSpace::of(&rows);
             assert_eq!(drawn.rank(), space.rank(), "{alpha:?} {beta:?} {step:?}");
         }
     }

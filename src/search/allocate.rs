@@ -17,8 +17,8 @@ use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
 
-use super::pipeline::{Context, Work};
-use super::refine::Refined;
+use super::context::{Context, Work};
+use super::plan::Refined;
 use super::variables::Plan;
 use crate::covariance::chain::{Gram, NoRecord};
 use crate::covariance::{TickRule, covariance_from_information};

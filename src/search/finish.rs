@@ -1,10 +1,10 @@
 //! Working a start out to the end: allocate, drop, refine, round.
 
 use super::allocate::allocate;
+use super::context::Context;
 use super::fit::{TIME_SLACK, brought_within};
-use super::pipeline::{Candidate, Context, rate};
-use super::refine::{Refined, refine, refine_angles};
-use super::table::{OnTable, Table};
+use super::plan::{Candidate, Refined, rate};
+use super::refine::{refine, refine_angles};
 use super::together::refine_all;
 use super::variables::Plan;
 use super::workshop::Workshop;
@@ -26,20 +26,6 @@ const ROUNDS: usize = 3;
 pub(super) const SHARPEST: f64 = 144.0;
 /// Angles of a recommended schedule are multiples of this, degrees.
 const ANGLE_STEP_DEG: f64 = 1e-3;
-
-/// Works `plan` out to the end; none when it comes to nothing.
-pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
-    match Table::new(context.evaluator.platform()) {
-        Some(table) => finish_in(context, &OnTable(table), plan),
-        None => finish_in(context, &FreeAngles, plan),
-    }
-}
-
-fn finish_in(context: Context<'_>, workshop: &impl Workshop, plan: &Plan) -> Option<Candidate> {
-    let smoothing = context.first_smoothing();
-    let settled = workshop.settle(context, plan, smoothing)?;
-    workshop.polish(context, settled)
-}
 
 /// Work on angles that can be set freely.
 pub(super) struct FreeAngles;

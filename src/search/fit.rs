@@ -110,7 +110,9 @@ pub(super) fn still(platform: &Platform) -> Option<Plan> {
 
 /// The same as a schedule of the least time.
 pub(super) fn stillest(platform: &Platform) -> Result<Schedule> {
-    still(platform).ok_or_else(no_setting)?.to_schedule()
+    still(platform)
+        .ok_or_else(no_setting)?
+        .to_schedule(platform)
 }
 
 /// No position can be set.

@@ -8,32 +8,21 @@
 
 use rayon::prelude::*;
 
-use super::finish::finish;
+use super::context::{Context, Work};
 use super::fit::LeastTime;
-use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::pipeline::{best_candidate, finish};
+use super::plan::Candidate;
+use super::problem::{FrontPoint, SearchOutcome, SearchProblem, Status};
+use super::progress::{Control, Phase};
 use super::tumbling::tumble;
-use super::{
-    Control, Phase, SearchOutcome, SearchProblem, Status, conclude, nothing_to_find,
-    refuse_unsupported, what_depends_on_the_schedule,
-};
+use super::{conclude, nothing_to_find, refuse_unsupported, what_depends_on_the_schedule};
 use crate::error::{Error, Result};
-use crate::evaluate::{Evaluation, Evaluator};
+use crate::evaluate::Evaluator;
 use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// The shortest test of the front, as a share of the longest.
 const SHORTEST_SHARE: f64 = 0.125;
-
-/// One point of the front.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FrontPoint {
-    /// Duration of the test, moves and settles included, s.
-    pub total_time_s: f64,
-    /// The best schedule found for it.
-    pub schedule: Schedule,
-    /// Its evaluation, both computations agreeing.
-    pub evaluation: Evaluation,
-}
 
 /// The front with `points` tests up to `problem.total_time_s`.
 ///

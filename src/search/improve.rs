@@ -18,11 +18,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::context::Context;
 use super::insert::insertions;
 use super::order::{moved, neighbours, reversed, with_quickest_positions};
-use super::pipeline::{Context, rate};
+use super::plan::{Refined, rate};
 use super::propose::random_position;
-use super::refine::Refined;
 use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::criterion::Smoothing;

@@ -9,9 +9,9 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
+use super::context::Context;
 use super::order::with_quickest_positions;
-use super::pipeline::{Context, rate};
-use super::refine::Refined;
+use super::plan::{Refined, rate};
 use super::table::Table;
 use super::variables::Plan;
 use super::ways::in_deg;

@@ -1,20 +1,37 @@
 //! L-BFGS that can be stepped: it says where it wants value and gradient, and is told them.
 //!
-//! argmin's solver ([`super::refine`]) works one plan out to its end and calls for gradients from
-//! inside. To advance many plans together, each gradient in a lane ([`super::together`]), the
-//! method has to hand out its points instead. It is the same method: the two-loop recursion over
-//! the last [`MEMORY`] steps (Nocedal & Wright, *Numerical Optimization*, algorithm 7.4),
-//! H₀ = γ I with γ = sᵀy / yᵀy, and a line search for the strong Wolfe conditions
-//! ([`line_search`]).
+//! The two-loop recursion over the last [`MEMORY`] steps (Nocedal & Wright, *Numerical
+//! Optimization*, algorithm 7.4), H₀ = γ I with γ = sᵀy / yᵀy, and a line search for the strong
+//! Wolfe conditions ([`line_search`]). Where the line search fails although the gradient is not
+//! short, the pairs are forgotten and steepest descent is tried once from that point before the
+//! minimisation counts as ended. The best point seen is kept, trial points included: a line search
+//! may accept another than the lowest it has tried.
+//!
+//! There are two who step it. One plan is driven by argmin ([`solver`]): its `Executor` runs the
+//! loop over iterations, its `IterState` holds iterate and termination. Many plans are advanced
+//! together, each gradient in a lane ([`super::together`]); there the method is stepped directly,
+//! because argmin's loop is over the iterations of one minimisation, and eight of them are in the
+//! midst of their line searches at different points: an argmin `State` of such a group would have
+//! no parameter, no cost and no iteration of its own, and the loop would hide in a single
+//! `next_iter`. Both ask the same [`Lbfgs`], so a plan refined alone takes the way that it takes in
+//! a group (`a_plan_alone_takes_the_way_that_it_takes_in_a_group`), and both learn the same
+//! [`Termination`].
 
 mod line_search;
+pub(super) mod solver;
 
 use std::collections::VecDeque;
 
 use line_search::{LineSearch, Next, Slope};
 
-use super::refine::{COST_TOLERANCE, GRADIENT_TOLERANCE, MEMORY};
+use super::termination::Termination;
 
+/// Steps that are remembered.
+const MEMORY: usize = 20;
+/// Stop when the gradient of the merit is shorter than this.
+const GRADIENT_TOLERANCE: f64 = 1e-5;
+/// Stop when an iteration gains less than this.
+const COST_TOLERANCE: f64 = 1e-9;
 /// Evaluations that one line search may take.
 const MOST_TRIALS: usize = 20;
 
@@ -32,10 +49,32 @@ pub(super) type Found<'a> = Option<(f64, &'a [f64])>;
 /// What becomes of a minimisation that has been told a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// It asks for another point.
-    Goes,
+    /// It asks for another point of the same line.
+    Tries,
+    /// A line search is done; it asks for the first point of the next.
+    Iterates,
     /// It has come to its end.
-    Ended,
+    Ended(Termination),
+}
+
+/// What came of a minimisation.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Minimised {
+    /// The best point seen, with its value; none when no point had one.
+    pub best: Option<(f64, Vec<f64>)>,
+    /// How it ended, and what it took.
+    pub ended: Ended,
+}
+
+/// How a minimisation ended, and what it took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Ended {
+    /// Why it ended.
+    pub termination: Termination,
+    /// Values with gradient that it was told.
+    pub gradients: u64,
+    /// Line searches that failed and were begun anew along steepest descent.
+    pub restarts: u64,
 }
 
 /// A minimisation on its way.
@@ -52,13 +91,17 @@ pub(super) struct Lbfgs {
     line: Option<LineSearch>,
     trials: usize,
     pairs: VecDeque<Pair>,
-    iterations_left: u64,
+    iterations: u64,
+    most_iterations: u64,
     best: Option<(f64, Vec<f64>)>,
+    gradients: u64,
+    restarts: u64,
+    termination: Option<Termination>,
 }
 
 impl Lbfgs {
     /// From `start`, for at most so many iterations.
-    pub fn new(start: Vec<f64>, iterations: u64) -> Self {
+    pub fn new(start: Vec<f64>, most_iterations: u64) -> Self {
         let zeros = vec![0.0; start.len()];
         Self {
             trial: start.clone(),
@@ -69,8 +112,12 @@ impl Lbfgs {
             line: None,
             trials: 0,
             pairs: VecDeque::with_capacity(MEMORY),
-            iterations_left: iterations,
+            iterations: 0,
+            most_iterations,
             best: None,
+            gradients: 0,
+            restarts: 0,
+            termination: None,
         }
     }
 
@@ -79,15 +126,24 @@ impl Lbfgs {
         &self.trial
     }
 
-    /// The best point seen, with its value.
-    pub fn into_best(self) -> Option<(f64, Vec<f64>)> {
-        self.best
+    /// What came of it, as far as it has come: one that has not ended was stopped.
+    pub fn into_minimised(self) -> Minimised {
+        Minimised {
+            best: self.best,
+            ended: Ended {
+                termination: self.termination.unwrap_or(Termination::Stopped),
+                gradients: self.gradients,
+                restarts: self.restarts,
+            },
+        }
     }
 
-    /// Takes value and gradient at [`Lbfgs::point`].
+    /// Takes value and gradient at [`Lbfgs::point`]. Numbers that are not finite count as none.
     pub fn tell(&mut self, found: Found<'_>) -> Progress {
-        let found = found.filter(|(value, _)| value.is_finite());
+        let is_finite = |f: &(f64, &[f64])| f.0.is_finite() && f.1.iter().all(|g| g.is_finite());
+        let found = found.filter(is_finite);
         self.keep_best(found);
+        self.gradients += 1;
         self.trials += 1;
         let Some(line) = &mut self.line else {
             return match found {
@@ -96,7 +152,7 @@ impl Lbfgs {
                     self.gradient.copy_from_slice(gradient);
                     self.search_on()
                 }
-                None => Progress::Ended,
+                None => self.end(Termination::NoMerit),
             };
         };
         let slope = found.map(|(value, gradient)| Slope {
@@ -106,11 +162,16 @@ impl Lbfgs {
         match line.next(slope) {
             Next::Try(step) if self.trials < MOST_TRIALS => {
                 self.go(step);
-                Progress::Goes
+                Progress::Tries
             }
             Next::Try(_) | Next::Accept => self.accept(found),
             Next::Fail => self.start_anew(),
         }
+    }
+
+    fn end(&mut self, termination: Termination) -> Progress {
+        self.termination = Some(termination);
+        Progress::Ended(termination)
     }
 
     fn keep_best(&mut self, found: Found<'_>) {
@@ -135,8 +196,11 @@ impl Lbfgs {
         self.value = value;
         self.x.copy_from_slice(&self.trial);
         self.gradient.copy_from_slice(gradient);
+        if self.is_stationary() {
+            return self.end(Termination::GradientConverged);
+        }
         if gain < COST_TOLERANCE {
-            return Progress::Ended;
+            return self.end(Termination::CostConverged);
         }
         self.search_on()
     }
@@ -144,9 +208,10 @@ impl Lbfgs {
     /// The line search has found nothing: once more by steepest descent, else the end.
     fn start_anew(&mut self) -> Progress {
         if self.pairs.is_empty() {
-            return Progress::Ended;
+            return self.end(Termination::LineSearchFailed);
         }
         self.pairs.clear();
+        self.restarts += 1;
         self.search_on()
     }
 
@@ -171,20 +236,26 @@ impl Lbfgs {
         }
     }
 
+    fn is_stationary(&self) -> bool {
+        dot(&self.gradient, &self.gradient).sqrt() < GRADIENT_TOLERANCE
+    }
+
     /// A new direction from the present point.
     fn search_on(&mut self) -> Progress {
-        let length = dot(&self.gradient, &self.gradient).sqrt();
-        if length.is_nan() || length < GRADIENT_TOLERANCE || self.iterations_left == 0 {
-            return Progress::Ended;
+        if self.is_stationary() {
+            return self.end(Termination::GradientConverged);
         }
-        self.iterations_left -= 1;
+        if self.iterations == self.most_iterations {
+            return self.end(Termination::IterationLimit);
+        }
+        self.iterations += 1;
         self.turn();
         let mut slope = dot(&self.gradient, &self.direction);
         if slope.is_nan() || slope >= 0.0 {
             // Rounding has spoilt the pairs: steepest descent.
             self.pairs.clear();
             self.turn();
-            slope = -length * length;
+            slope = dot(&self.gradient, &self.direction);
         }
         self.trials = 0;
         self.line = Some(LineSearch::new(Slope {
@@ -192,7 +263,7 @@ impl Lbfgs {
             slope,
         }));
         self.go(1.0);
-        Progress::Goes
+        Progress::Iterates
     }
 
     /// direction = −H g by the two-loop recursion.
@@ -254,128 +325,4 @@ fn add(to: &mut [f64], factor: f64, of: &[f64]) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::cell::Cell;
-
-    use argmin::core::{CostFunction, Executor, Gradient};
-    use argmin::solver::linesearch::MoreThuenteLineSearch;
-    use argmin::solver::quasinewton::LBFGS;
-
-    use super::*;
-
-    /// Rosenbrock's valley in many dimensions, a classic for line searches.
-    fn rosenbrock(x: &[f64]) -> (f64, Vec<f64>) {
-        let mut value = 0.0;
-        let mut gradient = vec![0.0; x.len()];
-        for i in 0..x.len() - 1 {
-            let (bend, off) = (x[i + 1] - x[i] * x[i], 1.0 - x[i]);
-            value += 100.0 * bend * bend + off * off;
-            gradient[i] -= 400.0 * bend * x[i] + 2.0 * off;
-            gradient[i + 1] += 200.0 * bend;
-        }
-        (value, gradient)
-    }
-
-    /// The best point, and how many evaluations it took.
-    fn minimised(
-        start: Vec<f64>,
-        iterations: u64,
-        f: impl Fn(&[f64]) -> Option<(f64, Vec<f64>)>,
-    ) -> (f64, Vec<f64>, usize) {
-        let mut search = Lbfgs::new(start, iterations);
-        let mut count = 0;
-        loop {
-            count += 1;
-            let found = f(search.point());
-            let found = found.as_ref().map(|(value, g)| (*value, g.as_slice()));
-            if search.tell(found) == Progress::Ended {
-                break;
-            }
-            assert!(count < 10_000);
-        }
-        let (value, x) = search.into_best().unwrap();
-        (value, x, count)
-    }
-
-    /// The valley for argmin, counting gradients.
-    struct Valley<'a>(&'a Cell<usize>);
-
-    impl CostFunction for Valley<'_> {
-        type Param = Vec<f64>;
-        type Output = f64;
-        fn cost(&self, x: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-            Ok(rosenbrock(x).0)
-        }
-    }
-
-    impl Gradient for Valley<'_> {
-        type Param = Vec<f64>;
-        type Gradient = Vec<f64>;
-        fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, argmin::core::Error> {
-            self.0.set(self.0.get() + 1);
-            Ok(rosenbrock(x).1)
-        }
-    }
-
-    fn start() -> Vec<f64> {
-        (0..10)
-            .map(|i| if i % 2 == 0 { -1.2 } else { 1.0 })
-            .collect()
-    }
-
-    #[test]
-    fn it_goes_where_argmins_solver_goes_with_no_more_work() {
-        let (value, x, count) = minimised(start(), 500, |x| Some(rosenbrock(x)));
-        assert!(value < 1e-9, "{value:e}");
-        assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-4), "{x:?}");
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), MEMORY)
-            .with_tolerance_grad(GRADIENT_TOLERANCE)
-            .and_then(|s| s.with_tolerance_cost(COST_TOLERANCE))
-            .unwrap();
-        let calls = Cell::new(0);
-        let ended = Executor::new(Valley(&calls), solver)
-            .configure(|state| state.param(start()).max_iters(500))
-            .run()
-            .unwrap();
-        let theirs = ended.state().get_best_cost();
-        assert!(theirs < 1e-9, "{theirs:e}");
-        let calls = calls.get();
-        assert!(count <= calls, "{count} and {calls} gradients");
-    }
-
-    #[test]
-    fn a_quadratic_of_n_variables_takes_few_iterations() {
-        let f = |x: &[f64]| {
-            let weight = |i: usize| 1.0 + i as f64;
-            let value = x.iter().enumerate().map(|(i, x)| 0.5 * weight(i) * x * x);
-            let gradient = x.iter().enumerate().map(|(i, x)| weight(i) * x);
-            Some((value.sum(), gradient.collect()))
-        };
-        let (value, _, count) = minimised(vec![1.0; 8], 100, f);
-        assert!(value < 1e-9 && count < 30, "{value:e} after {count}");
-    }
-
-    #[test]
-    fn where_there_is_no_value_it_turns_back() {
-        // ln has none left of zero; the first step leads there.
-        let f = |x: &[f64]| {
-            (x[0] > 0.0).then(|| {
-                let value = x[0] - 0.01 * x[0].ln();
-                (value, vec![1.0 - 0.01 / x[0]])
-            })
-        };
-        let (_, x, _) = minimised(vec![0.9], 100, f);
-        assert!((x[0] - 0.01).abs() < 1e-4, "{x:?}");
-        // Nowhere at all.
-        let mut nowhere = Lbfgs::new(vec![1.0], 10);
-        assert_eq!(nowhere.tell(None), Progress::Ended);
-        assert!(nowhere.into_best().is_none());
-    }
-
-    #[test]
-    fn it_keeps_to_its_iterations() {
-        let short = minimised(start(), 5, |x| Some(rosenbrock(x)));
-        let long = minimised(start(), 50, |x| Some(rosenbrock(x)));
-        assert!(short.0 > long.0 && short.2 < long.2);
-    }
-}
+mod tests;

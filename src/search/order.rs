@@ -11,10 +11,11 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::pipeline::{Context, Work, rate, told_apart};
-use super::refine::Refined;
+use super::context::{Context, Work};
+use super::plan::{Refined, rate, told_apart};
+use super::problem::SearchProblem;
+use super::progress::Control;
 use super::variables::Plan;
-use super::{Control, SearchProblem};
 use crate::attitude::Position;
 use crate::criterion::Smoothing;
 use crate::evaluate::Evaluator;

@@ -1,109 +1,22 @@
 //! From starts to the best candidate: screen, finish, choose.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::checkpoint::Memorable;
+use super::context::{Context, Work};
 use super::finish::FreeAngles;
 use super::improve::{Place, improve};
-use super::refine::Refined;
+use super::plan::{Candidate, Refined, rate};
+use super::progress::Phase;
+use super::propose;
 use super::table::{OnTable, Table, screen_on_table};
 use super::together::{refine_side_by_side, share_of_a_thread};
 use super::variables::Plan;
 use super::workshop::Workshop;
-use super::{Control, Counters, Phase, SearchProblem, propose};
 use crate::criterion::Smoothing;
 use crate::error::{Error, Result};
-use crate::evaluate::Evaluator;
-
-/// What every step of a search needs to know.
-#[derive(Clone, Copy)]
-pub(crate) struct Context<'a> {
-    pub evaluator: &'a Evaluator,
-    pub problem: &'a SearchProblem,
-    pub control: &'a Control<'a>,
-    pub work: &'a Work,
-}
-
-impl Context<'_> {
-    /// Whether to stop, remembering that work was left undone.
-    pub fn must_stop(&self) -> bool {
-        let stop = self.control.should_stop();
-        if stop {
-            self.work.cut_short();
-        }
-        stop
-    }
-
-    /// What smoothing a search begins with: a mild power mean where the criterion has kinks.
-    pub fn first_smoothing(&self) -> Smoothing {
-        match self.evaluator.objective().criterion.has_kinks() {
-            true => Smoothing::PowerMean(6.0),
-            false => Smoothing::Exact,
-        }
-    }
-}
-
-/// Work counters shared between threads, and whether any work was left undone.
-#[derive(Debug, Default)]
-pub(crate) struct Work {
-    evaluations: AtomicU64,
-    gradients: AtomicU64,
-    starts: AtomicU64,
-    /// Stages of the search begun: a stage is one problem's starts worked through, or one plan
-    /// worked out on the way. They follow one another, whatever the number of threads.
-    stages: AtomicU64,
-    cut_short: AtomicBool,
-}
-
-impl Work {
-    pub fn count_evaluations(&self, n: u64) {
-        self.evaluations.fetch_add(n, Ordering::Relaxed);
-    }
-
-    pub fn count_gradients(&self, n: u64) {
-        self.gradients.fetch_add(n, Ordering::Relaxed);
-    }
-
-    pub fn counters(&self) -> Counters {
-        Counters {
-            evaluations: self.evaluations.load(Ordering::Relaxed),
-            gradients: self.gradients.load(Ordering::Relaxed),
-            starts: self.starts.load(Ordering::Relaxed),
-        }
-    }
-
-    /// Adds work that was done elsewhere.
-    pub fn add(&self, counters: Counters) {
-        self.count_evaluations(counters.evaluations);
-        self.count_gradients(counters.gradients);
-        self.starts.fetch_add(counters.starts, Ordering::Relaxed);
-    }
-
-    /// The number of the stage that begins now.
-    pub fn next_stage(&self) -> u64 {
-        self.stages.fetch_add(1, Ordering::Relaxed)
-    }
-
-    /// Remembers that work was left undone.
-    pub fn cut_short(&self) {
-        self.cut_short.store(true, Ordering::Relaxed);
-    }
-
-    pub fn was_cut_short(&self) -> bool {
-        self.cut_short.load(Ordering::Relaxed)
-    }
-}
-
-/// A plan worked out to the end, with its merit.
-#[derive(Debug, Clone)]
-pub(crate) struct Candidate {
-    pub plan: Plan,
-    pub merit: f64,
-    /// Value of the criterion by the filter's own tick rule.
-    pub criterion: f64,
-}
 
 /// How many of the best starts are worked out to the end.
 const FINALISTS: usize = 12;
@@ -113,24 +26,6 @@ const IMPROVED: usize = 3;
 const SAME_BASIN: f64 = 1e-6;
 /// L-BFGS iterations of a start before the best are chosen.
 const SCREENING_ITERATIONS: u64 = 90;
-
-/// The plan stretched or shortened to the total time, with its merit; none when it does not fit.
-pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-    let platform = context.evaluator.platform();
-    let plan = plan
-        .clone()
-        .fitted(platform, context.problem.total_time_s)?;
-    context.work.count_evaluations(1);
-    let timeline = plan.timeline(platform);
-    let merit = context.evaluator.merit(&timeline, smoothing).ok()?;
-    merit.is_finite().then_some(Refined { plan, merit })
-}
-
-/// A merit found in lanes, to nine digits after the point, so that what is equal by symmetry is
-/// equal on every machine; none where it is not finite.
-pub(super) fn told_apart(merit: f64) -> Option<f64> {
-    merit.is_finite().then(|| (merit * 1e9).round() * 1e-9)
-}
 
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
@@ -227,6 +122,20 @@ fn in_parallel<T: Send, U: Shown + Memorable + Send>(
         .collect()
 }
 
+/// Works `plan` out to the end; none when it comes to nothing.
+pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+    match Table::new(context.evaluator.platform()) {
+        Some(table) => finish_in(context, &OnTable(table), plan),
+        None => finish_in(context, &FreeAngles, plan),
+    }
+}
+
+fn finish_in(context: Context<'_>, workshop: &impl Workshop, plan: &Plan) -> Option<Candidate> {
+    let smoothing = context.first_smoothing();
+    let settled = workshop.settle(context, plan, smoothing)?;
+    workshop.polish(context, settled)
+}
+
 /// What progress can be shown of.
 trait Shown {
     /// The criterion, where it is known.
@@ -268,7 +177,7 @@ fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
             Phase::Screening,
             starts,
             |context, _, plan: Plan| {
-                context.work.starts.fetch_add(1, Ordering::Relaxed);
+                context.work.count_start();
                 screen_on_table(context, table, &plan)
             },
         ),
@@ -305,21 +214,20 @@ fn screen_together(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<R
             }
         }
         let plans = to_do.iter().map(|(_, plan)| plan.clone()).collect();
-        refine_side_by_side(context, plans, smoothing, SCREENING_ITERATIONS, |ended| {
-            if ended.gradients == 0 {
-                // The search was stopped before it was begun.
+        refine_side_by_side(context, plans, smoothing, SCREENING_ITERATIONS, |outcome| {
+            let Some(ended) = outcome.ended else {
                 return;
-            }
-            let (index, plan) = to_do[ended.index];
+            };
+            let (index, plan) = to_do[outcome.index];
             let own = Work::default();
-            own.starts.fetch_add(1, Ordering::Relaxed);
-            own.count_gradients(ended.gradients);
+            own.count_start();
+            own.count_refinement(ended);
             let with_own = Context {
                 work: &own,
                 ..context
             };
             // A plan without spare time has no variables to refine.
-            let result = ended.refined.or_else(|| rate(with_own, plan, smoothing));
+            let result = outcome.refined.or_else(|| rate(with_own, plan, smoothing));
             context.put_down(name(*index), result.as_ref(), &own);
             keep(*index, result);
         });

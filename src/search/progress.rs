@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use super::checkpoint::Journal;
+use super::journal::Journal;
 
 /// What a search is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

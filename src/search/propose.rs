@@ -7,8 +7,8 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::SearchProblem;
 use super::fit::{LeastTime, brought_within, still};
+use super::problem::SearchProblem;
 use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
 use crate::error::Result;

@@ -1,138 +1,35 @@
-//! Refinement of a plan: argmin's L-BFGS with the exact gradient.
+//! Refinement of a plan: L-BFGS ([`super::lbfgs`]) with the exact gradient, driven by argmin.
 //!
 //! Memory 20, Moré–Thuente line search, gradient tolerance 1e-5, cost tolerance 1e-9 on the
-//! logarithm of the criterion. (Hager–Zhang sometimes stops with an internal error inside an
-//! `Ok`; finite-difference gradients stop about 10 % early.) argmin asks for cost and gradient in
-//! separate calls at the same point, so the last point is remembered; and because a line search
-//! may end in an error after having seen better points than it returns, the best point seen is
-//! kept here and not taken from argmin's state.
+//! logarithm of the criterion. (Finite-difference gradients stop about 10 % early.) What comes of it
+//! is the best point seen, trial points included, and how it ended.
 
-use std::cell::RefCell;
-
-use argmin::core::{CostFunction, Executor, Gradient};
-use argmin::solver::linesearch::MoreThuenteLineSearch;
-use argmin::solver::quasinewton::LBFGS;
-
-use super::pipeline::Context;
-use super::variables::{Plan, Variables};
-use crate::covariance::gradient::LegGradient;
+use super::context::Context;
+use super::lbfgs::solver::{self, Merit};
+use super::plan::Refined;
+use super::variables::{Coordinates, Plan, Variables};
 use crate::criterion::Smoothing;
-use crate::motion::Timeline;
 
-/// A refined plan with its merit.
-#[derive(Debug, Clone)]
-pub struct Refined {
-    /// The plan.
-    pub plan: Plan,
-    /// Its merit (the score, with any penalty), lower is better.
-    pub merit: f64,
-}
-
-impl Refined {
-    /// The better of two; of equals the first, whatever thread was faster.
-    pub(super) fn better(self, other: Self) -> Self {
-        if other.merit < self.merit {
-            other
-        } else {
-            self
-        }
-    }
-}
-
-/// Merit of a point that is no plan: far above any real one whatever the weights (each at most
-/// 1e6, on logarithms), but finite, so that a line search can interpolate back from it.
-const NO_PLAN: f64 = 1e10;
-
-struct Point {
-    x: Vec<f64>,
-    value: f64,
-    gradient: Vec<f64>,
-}
-
-/// Free variables behind a timeline.
-pub(crate) trait Coordinates {
-    /// The timeline of `x`; none where there is none.
-    fn timeline(&self, x: &[f64]) -> Option<Timeline>;
-    /// The gradient with respect to `x` from that of the timeline.
-    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64>;
-}
-
-struct Problem<'a, C> {
+/// The merit as a function of the variables.
+struct MeritOf<'a, C> {
     context: Context<'a>,
     variables: &'a C,
     smoothing: Smoothing,
-    last: RefCell<Option<Point>>,
-    best: &'a RefCell<Option<(f64, Vec<f64>)>>,
 }
 
-impl<C: Coordinates> Problem<'_, C> {
-    fn compute(&self, x: &[f64]) -> Point {
-        self.context.work.count_gradients(1);
-        let no_plan = || Point {
-            x: x.to_vec(),
-            value: NO_PLAN,
-            gradient: vec![0.0; x.len()],
-        };
-        let Some(timeline) = self.variables.timeline(x) else {
-            return no_plan();
-        };
-        match self
-            .context
-            .evaluator
-            .merit_gradient(&timeline, self.smoothing)
-        {
-            Ok((value, legs)) if value.is_finite() => Point {
-                x: x.to_vec(),
-                value,
-                gradient: self.variables.pull_back(x, &timeline, &legs),
-            },
-            _ => no_plan(),
-        }
+impl<C: Coordinates> Merit for MeritOf<'_, C> {
+    fn with_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
+        let timeline = self.variables.timeline(x)?;
+        let evaluator = self.context.evaluator;
+        // Where the covariance cannot be computed there is no merit, and the line search turns back.
+        let (value, legs) = evaluator.merit_gradient(&timeline, self.smoothing).ok()?;
+        Some((value, self.variables.pull_back(x, &timeline, &legs)))
     }
 
-    /// The point at `x`, computed once for cost and gradient.
-    fn with_point<T>(&self, x: &[f64], take: impl FnOnce(&Point) -> T) -> T {
-        let mut last = self.last.borrow_mut();
-        let point = match last.take().filter(|p| p.x == x) {
-            Some(known) => known,
-            None => {
-                let point = self.compute(x);
-                let mut best = self.best.borrow_mut();
-                if best.as_ref().is_none_or(|(value, _)| point.value < *value) {
-                    *best = Some((point.value, point.x.clone()));
-                }
-                point
-            }
-        };
-        take(last.insert(point))
+    fn must_stop(&self) -> bool {
+        self.context.must_stop()
     }
 }
-
-impl<C: Coordinates> CostFunction for &Problem<'_, C> {
-    type Param = Vec<f64>;
-    type Output = f64;
-    fn cost(&self, x: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-        if self.best.borrow().is_some() && self.context.must_stop() {
-            return Err(argmin::core::Error::msg("stopped"));
-        }
-        Ok(self.with_point(x, |p| p.value))
-    }
-}
-
-impl<C: Coordinates> Gradient for &Problem<'_, C> {
-    type Param = Vec<f64>;
-    type Gradient = Vec<f64>;
-    fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, argmin::core::Error> {
-        Ok(self.with_point(x, |p| p.gradient.clone()))
-    }
-}
-
-/// L-BFGS memory.
-pub(super) const MEMORY: usize = 20;
-/// Stop when the gradient of the merit is shorter than this.
-pub(super) const GRADIENT_TOLERANCE: f64 = 1e-5;
-/// Stop when the merit changes by less than this.
-pub(super) const COST_TOLERANCE: f64 = 1e-9;
 
 /// Refines angles and dwells of `plan` together; none when the plan has no merit at all.
 pub(crate) fn refine(
@@ -173,7 +70,7 @@ fn refine_in(
 }
 
 /// The best point L-BFGS sees from `start`, with its merit; none when it sees no timeline. Ends
-/// soon when the search is stopped.
+/// soon when the search is stopped. How it ended is counted.
 pub(crate) fn minimise<C: Coordinates>(
     context: Context<'_>,
     variables: &C,
@@ -181,23 +78,12 @@ pub(crate) fn minimise<C: Coordinates>(
     smoothing: Smoothing,
     iterations: u64,
 ) -> Option<(f64, Vec<f64>)> {
-    let best = RefCell::new(None);
-    let problem = Problem {
+    let merit = MeritOf {
         context,
         variables,
         smoothing,
-        last: RefCell::new(None),
-        best: &best,
     };
-    let solver = LBFGS::new(MoreThuenteLineSearch::new(), MEMORY)
-        .with_tolerance_grad(GRADIENT_TOLERANCE)
-        .and_then(|s| s.with_tolerance_cost(COST_TOLERANCE))
-        .ok()?;
-    // Whether it ended in a status or in an error of the line search, what counts is the best
-    // point it has seen.
-    let _ended = Executor::new(&problem, solver)
-        .configure(|state| state.param(start).max_iters(iterations))
-        .timer(false)
-        .run();
-    best.into_inner().filter(|(merit, _)| *merit < NO_PLAN)
+    let minimised = solver::minimise(&merit, start, iterations);
+    context.work.count_refinement(minimised.ended);
+    minimised.best
 }

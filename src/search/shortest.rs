@@ -6,13 +6,17 @@
 //! from its neighbour. In the end whole filter periods are taken off as long as the
 //! specification holds, judged by the filter's own tick rule.
 
+use super::context::{Context, Work};
 use super::fit::LeastTime;
-use super::pipeline::{Candidate, Context, Work, best_candidate};
+use super::pipeline::best_candidate;
+use super::plan::Candidate;
+use super::problem::{SearchOutcome, SearchProblem, Status};
+use super::progress::{Control, Phase};
 use super::tumbling::tumble;
 use super::variables::Plan;
 use super::{
-    Control, Phase, SearchOutcome, SearchProblem, Status, conclude, missed_specifications,
-    nothing_to_find, refuse_unsupported, search, what_depends_on_the_schedule,
+    conclude, missed_specifications, nothing_to_find, refuse_unsupported, search,
+    what_depends_on_the_schedule,
 };
 use crate::covariance::TickRule;
 use crate::criterion::Criterion;

@@ -12,10 +12,10 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use super::allocate::allocate;
+use super::context::Context;
 use super::fit::brought_within;
 use super::insert::{detour_s, price_of_time};
-use super::pipeline::{Candidate, Context, rate, told_apart};
-use super::refine::Refined;
+use super::plan::{Candidate, Refined, rate, told_apart};
 use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::{NanoDegrees, Position, deg_of_rad};
@@ -152,8 +152,8 @@ impl Table {
                 apart.abs()
             };
             let nearest = self.angles[axis].iter().copied().min_by_key(distance);
-            let deg = angles[axis] / RAD_PER_DEG;
-            let can_be_set = || platform.gimbals().refusal(axis, decimal(deg)).is_none();
+            let deg = deg_of_rad(angles[axis]);
+            let can_be_set = || platform.gimbals().refusal(axis, deg).is_none();
             match nearest {
                 Some(a) if distance(&a) == NanoDegrees::default() || !can_be_set() => a,
                 _ => angles[axis],
@@ -482,7 +482,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::pipeline::Work;
+    use crate::search::context::Work;
     use crate::search::{Control, SearchProblem, search};
 
     fn evaluator() -> Evaluator {

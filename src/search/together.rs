@@ -1,6 +1,7 @@
 //! Several plans refined side by side, one gradient per lane.
 //!
-//! Every plan has a minimisation of its own ([`super::lbfgs`]); in each round all of them say where
+//! Every plan has a minimisation of its own ([`super::lbfgs`], where it says why these are stepped
+//! here and not run by argmin); in each round all of them say where
 //! they want value and gradient, and the points are evaluated together. A plan that is done makes
 //! room for the next. A lane has the bits of its schedule alone, so what a plan becomes depends
 //! neither on the plans beside it nor on how they were shared out over lanes and threads.
@@ -9,23 +10,23 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
-use super::lbfgs::{Lbfgs, Progress};
-use super::pipeline::Context;
-use super::refine::{Coordinates, Refined};
-use super::variables::{Plan, Variables};
+use super::context::Context;
+use super::lbfgs::{Ended, Lbfgs, Minimised, Progress};
+use super::plan::Refined;
+use super::variables::{Coordinates, Plan, Variables};
 use crate::criterion::Smoothing;
 
 /// Plans on their way at a time: as many as the widest registers have lanes.
 const SIDE_BY_SIDE: usize = 8;
 
 /// What became of a plan.
-pub(super) struct Ended {
+pub(super) struct Outcome {
     /// Which one.
     pub index: usize,
-    /// The best that was seen; none when it has no merit at all or was not begun.
+    /// The best that was seen; none when it has no merit at all.
     pub refined: Option<Refined>,
-    /// Gradients it took.
-    pub gradients: u64,
+    /// How it ended; none when the search was stopped before it was begun.
+    pub ended: Option<Ended>,
 }
 
 /// Refines angles and dwells of every plan; results in the order of the plans.
@@ -39,9 +40,11 @@ pub(super) fn refine_all(
         .par_chunks(share_of_a_thread(plans.len()))
         .map(|plans| {
             let mut out = vec![None; plans.len()];
-            refine_side_by_side(context, plans.to_vec(), smoothing, iterations, |ended| {
-                context.work.count_gradients(ended.gradients);
-                out[ended.index] = ended.refined;
+            refine_side_by_side(context, plans.to_vec(), smoothing, iterations, |outcome| {
+                if let Some(ended) = outcome.ended {
+                    context.work.count_refinement(ended);
+                }
+                out[outcome.index] = outcome.refined;
             });
             out
         })
@@ -58,19 +61,19 @@ pub(super) fn share_of_a_thread(count: usize) -> usize {
 struct Active {
     index: usize,
     search: Lbfgs,
-    gradients: u64,
 }
 
 impl Active {
-    fn end(self, variables: &Variables<'_>) -> Ended {
-        let refined = self.search.into_best().and_then(|(merit, x)| {
+    fn outcome(self, variables: &Variables<'_>) -> Outcome {
+        let Minimised { best, ended } = self.search.into_minimised();
+        let refined = best.and_then(|(merit, x)| {
             let plan = variables.decode(&x)?;
             Some(Refined { plan, merit })
         });
-        Ended {
+        Outcome {
             index: self.index,
             refined,
-            gradients: self.gradients,
+            ended: Some(ended),
         }
     }
 }
@@ -82,7 +85,7 @@ pub(super) fn refine_side_by_side(
     plans: Vec<Plan>,
     smoothing: Smoothing,
     iterations: u64,
-    mut hand_over: impl FnMut(Ended),
+    mut hand_over: impl FnMut(Outcome),
 ) {
     let platform = context.evaluator.platform();
     let variables = Variables::angles_and_dwells(platform, context.problem.total_time_s);
@@ -95,7 +98,6 @@ pub(super) fn refine_side_by_side(
             active.push(Active {
                 index,
                 search: Lbfgs::new(variables.encode(&plan), iterations),
-                gradients: 0,
             });
         }
         if active.is_empty() {
@@ -105,16 +107,16 @@ pub(super) fn refine_side_by_side(
         let stop = context.must_stop();
         // From the last on, so that the places of the others stay.
         for k in (0..active.len()).rev() {
-            if stop || progress[k] == Progress::Ended {
-                hand_over(active.remove(k).end(&variables));
+            if stop || matches!(progress[k], Progress::Ended(_)) {
+                hand_over(active.remove(k).outcome(&variables));
             }
         }
         if stop {
             for (index, _) in waiting.drain(..) {
-                hand_over(Ended {
+                hand_over(Outcome {
                     index,
                     refined: None,
-                    gradients: 0,
+                    ended: None,
                 });
             }
         }
@@ -144,7 +146,6 @@ fn advance(
         .iter_mut()
         .zip(planned)
         .map(|(a, planned)| {
-            a.gradients += 1;
             let answer = if planned { found.next() } else { None };
             let Some((timeline, Ok((value, legs)))) = answer else {
                 return a.search.tell(None);
@@ -153,4 +154,56 @@ fn advance(
             a.search.tell(Some((value, &gradient)))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::evaluate::{Evaluator, Objective};
+    use crate::platform::PlatformConfig;
+    use crate::search::context::Work;
+    use crate::search::propose::starts;
+    use crate::search::refine::refine;
+    use crate::search::{Control, SearchProblem};
+
+    #[test]
+    fn a_plan_alone_takes_the_way_that_it_takes_in_a_group() {
+        for slew_rate_deg_per_s in [None, Some(0.5)] {
+            let mut config = PlatformConfig::default();
+            config.gimbals.beta_deg = Some([-60.0, 60.0]);
+            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s;
+            let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+            let problem = SearchProblem {
+                starts: 6,
+                ..SearchProblem::default()
+            };
+            let cancel = AtomicBool::new(false);
+            let control = Control::new(&cancel, &|_| {});
+            let (alone, together) = (Work::default(), Work::default());
+            let context = |work| Context {
+                evaluator: &evaluator,
+                problem: &problem,
+                control: &control,
+                work,
+            };
+            let plans = starts(&evaluator, &problem).unwrap();
+            let singly: Vec<_> = plans
+                .iter()
+                .map(|plan| refine(context(&alone), plan, Smoothing::Exact, 40))
+                .map(|refined| refined.map(|r| (r.merit, r.plan)))
+                .collect();
+            let group = refine_all(context(&together), plans, Smoothing::Exact, 40);
+            let group: Vec<_> = group
+                .into_iter()
+                .map(|refined| refined.map(|r| (r.merit, r.plan)))
+                .collect();
+            assert_eq!(singly, group);
+            assert!(singly.iter().any(Option::is_some));
+            let (alone, together) = (alone.counters(), together.counters());
+            assert_eq!(alone, together);
+            assert_eq!(together.refinements.total(), group.len() as u64);
+        }
+    }
 }

@@ -9,10 +9,10 @@
 //! with them all in between. In the schedule a turning segment is two entries, the second
 //! reached by a measured move with no dwell of its own; one that hardly turns is a plain dwell.
 
+use super::context::Context;
 use super::finish::{round_angles, whole_periods};
-use super::pipeline::Context;
-use super::refine::{Coordinates, minimise};
-use super::variables::{AngleMap, Plan, add_move_times, add_return, shares};
+use super::refine::minimise;
+use super::variables::{AngleMap, Coordinates, Plan, add_move_times, add_return, shares};
 use super::ways::{in_deg, straight_ways, tidied};
 use crate::attitude::Position;
 use crate::covariance::TickRule;

@@ -8,7 +8,6 @@
 //! The whole turns of every way stay as they are while the variables move ([`super::ways`]).
 
 use super::fit::TIME_SLACK;
-use super::refine::Coordinates;
 use super::ways::{in_deg, tidied};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
@@ -16,6 +15,14 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Free variables behind a timeline.
+pub(crate) trait Coordinates {
+    /// The timeline of `x`; none where there is none.
+    fn timeline(&self, x: &[f64]) -> Option<Timeline>;
+    /// The gradient with respect to `x` from that of the timeline.
+    fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64>;
+}
 
 /// Angles and dwells of a schedule under work.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! What works a plan out: with free angles or on an index table.
 
-use super::pipeline::{Candidate, Context};
-use super::refine::Refined;
+use super::context::Context;
+use super::plan::{Candidate, Refined};
 use super::variables::Plan;
 use crate::criterion::Smoothing;
 

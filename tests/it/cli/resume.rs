@@ -144,7 +144,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     let resume = search(problem, "out", &["--resume"]);
     desk.write(
         "out/checkpoint.json",
-        kept.replace("checkpoint/1", "checkpoint/2"),
+        kept.replace("checkpoint/2", "checkpoint/3"),
     );
     desk.run(&resume).refused(&["another version"]);
     desk.write("out/checkpoint.json", &kept[..kept.len() / 2]);
