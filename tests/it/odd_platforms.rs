@@ -299,9 +299,22 @@ fn ends_well(case: u64) -> Result<&'static str, String> {
 
 #[test]
 fn every_search_ends_with_a_schedule_or_a_proof() {
-    let ends: Vec<_> = (0..SEARCHES)
+    let only: Option<Vec<u64>> = std::env::var("TMP_CASES").ok().map(|s| s.split(',').map(|x| x.parse().unwrap()).collect());
+    let list: Vec<u64> = only.unwrap_or_else(|| (0..SEARCHES).collect());
+    let ends: Vec<_> = list
         .into_par_iter()
-        .map(|case| (case, ends_well(case)))
+        .map(|case| {
+            let t = std::time::Instant::now();
+            let end = ends_well(case);
+            let s = t.elapsed().as_secs_f64();
+            if std::env::var("TMP_CASES").is_ok() { let c = study(case); eprintln!("{:#?}", c.config()); }
+            if s > 2.0 || end.is_err() {
+                let c = study(case);
+                let c = c.config();
+                eprintln!("TMP {case} {s:.1} {end:?} mode {:?} crit {:?} max {} tumble {} step {:?} T {} per {} score {:?}", c.objective.mode, c.objective.criterion, c.search.max_positions, c.search.allow_tumbling, c.platform.gimbals.step_deg, c.objective.total_time_s, c.platform.filter.period_s, c.objective.score);
+            }
+            (case, end)
+        })
         .collect();
     let mut counts = std::collections::BTreeMap::new();
     let mut failures = Vec::new();
