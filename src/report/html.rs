@@ -216,7 +216,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let names: Vec<&str> = document
         .schedules
         .iter()
-        .filter(|s| s.order != crate::compare::Order::Best.name())
+        .filter(|s| s.order == crate::compare::Order::AsGiven.name())
         .map(|s| s.name.as_str())
         .collect();
     let mut command = format!(
@@ -250,7 +250,9 @@ pub fn from_json(text: &str) -> Result<String> {
     }
     fn read<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
         serde_json::from_str(text).map_err(|e| {
-            Error::input(format!("not a document of this program: {e}")).with_line(e.line())
+            Error::input(format!("not a document of this program: {e}"))
+                .with_line(e.line())
+                .with_source(e)
         })
     }
     let head: Head = read(text)?;
@@ -281,7 +283,7 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
         sections,
     };
     page.render()
-        .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")))
+        .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")).with_source(e))
 }
 
 /// The unit as this page writes it: sentences shared with the terminal have it in plain letters.
@@ -533,8 +535,9 @@ fn correlation_blocks(subject: &Subject) -> Vec<Block> {
 /// Formulas, inputs, versions, and how to get the same again.
 fn basis(subject: &Subject, command: &str, seed: Option<u64>) -> Result<Section> {
     let d = &subject.document;
-    let platform = toml::to_string(&d.inputs)
-        .map_err(|e| Error::numerical(format!("the inputs cannot be written as TOML: {e}")))?;
+    let platform = toml::to_string(&d.inputs).map_err(|e| {
+        Error::numerical(format!("the inputs cannot be written as TOML: {e}")).with_source(e)
+    })?;
     let defaulted = match d.defaulted.is_empty() {
         true => "Every value was given.".to_owned(),
         false => format!(
