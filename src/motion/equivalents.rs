@@ -130,7 +130,7 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
 }
 
 /// Angle that the slowest axis turns, rad.
-fn distance(platform: &Platform, from: Position, to: Position) -> f64 {
+pub(crate) fn distance(platform: &Platform, from: Position, to: Position) -> f64 {
     let change = gimbal_change(platform, from, to);
     change.iter().fold(0.0_f64, |max, c| max.max(c.abs()))
 }
