@@ -297,7 +297,9 @@ impl CommandTable {
     pub fn to_json(&self) -> Result<String> {
         serde_json::to_string_pretty(&self.document())
             .map(|text| text + "\n")
-            .map_err(|e| Error::numerical(format!("the table cannot be written as JSON: {e}")))
+            .map_err(|e| {
+                Error::numerical(format!("the table cannot be written as JSON: {e}")).with_source(e)
+            })
     }
 }
 

@@ -5,7 +5,10 @@ use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
-use crate::search::order::best_order;
+
+mod ordering;
+
+pub use ordering::{MOST_PROVEN, Proof};
 
 /// A schedule to compare.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,9 +33,13 @@ pub enum Source {
 pub enum Order {
     /// As given.
     AsGiven,
-    /// The best that 2-opt and or-opt moves find by the true evaluator, from the given order and
-    /// random ones, the dwells equal as before.
+    /// The best of all orders of the positions, proven ([`Proof::Complete`]): the dwells equal as
+    /// before and filling the same total time.
     Best,
+    /// The best that was found, of the positions as they are or by the Euler triples that are
+    /// quickest in the order: local search from the given order and random ones. A better one may
+    /// exist.
+    BestFound,
 }
 
 impl Order {
@@ -41,9 +48,28 @@ impl Order {
         match self {
             Self::AsGiven => "as-given",
             Self::Best => "best",
+            Self::BestFound => "best-found",
         }
     }
+
+    /// The order of that name; none when there is no such.
+    pub fn from_name(name: &str) -> Option<Self> {
+        let all = [Self::AsGiven, Self::Best, Self::BestFound];
+        all.into_iter().find(|order| order.name() == name)
+    }
 }
+
+/// What the search for an order says of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct OrderSearch {
+    /// Whether it is proven.
+    pub proof: Proof,
+    /// Steps made towards the proof: positions added to beginnings of orders.
+    pub steps: u64,
+}
+
+/// Steps towards the proof of an order after which it is left open: about a minute on two cores.
+pub const MOST_STEPS: u64 = 30_000_000;
 
 /// How to compare.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +83,8 @@ pub struct Terms {
     pub best_order: bool,
     /// Seed of the random orders.
     pub seed: u64,
+    /// Steps after which the proof that an order is the best is left open ([`MOST_STEPS`]).
+    pub most_steps: u64,
 }
 
 /// A schedule compared.
@@ -66,6 +94,8 @@ pub struct Compared {
     pub name: String,
     /// The order of its positions.
     pub order: Order,
+    /// How that order was searched for; none for an order as given.
+    pub order_search: Option<OrderSearch>,
     /// The schedule as it was run with its evaluation, or why it cannot be.
     pub outcome: Result<(Schedule, Evaluation)>,
 }
@@ -74,7 +104,7 @@ pub struct Compared {
 /// comes after the scheme itself. Runs on the rayon pool it is called from.
 ///
 /// ```
-/// use scheme_opt::compare::{Contender, Source, Terms, compare};
+/// use scheme_opt::compare::{Contender, MOST_STEPS, Source, Terms, compare};
 /// use scheme_opt::evaluate::{Evaluator, Objective};
 /// use scheme_opt::platform::PlatformConfig;
 /// use scheme_opt::schedule::standard::StandardScheme;
@@ -84,7 +114,13 @@ pub struct Compared {
 ///     name: name.to_owned(),
 ///     source: Source::Standard(StandardScheme::from_name(name).unwrap()),
 /// });
-/// let terms = Terms { total_time_s: 6000.0, scale: true, best_order: false, seed: 1 };
+/// let terms = Terms {
+///     total_time_s: 6000.0,
+///     scale: true,
+///     best_order: false,
+///     seed: 1,
+///     most_steps: MOST_STEPS,
+/// };
 /// let compared = compare(&evaluator, &contenders, &terms);
 /// let rms = |k: usize| compared[k].outcome.as_ref().unwrap().1.rms_sigma_deg_per_h();
 /// assert!(rms(1) < rms(0));
@@ -93,9 +129,10 @@ pub struct Compared {
 pub fn compare(evaluator: &Evaluator, contenders: &[Contender], terms: &Terms) -> Vec<Compared> {
     let mut all = Vec::with_capacity(contenders.len());
     for contender in contenders {
-        let entry = |order: Order, schedule: Result<Schedule>| Compared {
+        let as_given = |schedule: Result<Schedule>| Compared {
             name: contender.name.clone(),
-            order,
+            order: Order::AsGiven,
+            order_search: None,
             outcome: schedule.and_then(|s| evaluated(evaluator, s)),
         };
         match &contender.source {
@@ -104,14 +141,13 @@ pub fn compare(evaluator: &Evaluator, contenders: &[Contender], terms: &Terms) -
                     true => schedule.scaled_to(evaluator.platform(), terms.total_time_s),
                     false => Ok(schedule.clone()),
                 };
-                all.push(entry(Order::AsGiven, schedule));
+                all.push(as_given(schedule));
             }
             Source::Standard(scheme) => {
                 let schedule = of_scheme(evaluator, *scheme, terms);
-                all.push(entry(Order::AsGiven, schedule.clone()));
+                all.push(as_given(schedule.clone()));
                 if terms.best_order {
-                    let ordered = schedule.and_then(|s| in_best_order(evaluator, &s, terms));
-                    all.push(entry(Order::Best, ordered));
+                    all.push(in_best_order(evaluator, &contender.name, schedule, terms));
                 }
             }
         }
@@ -127,10 +163,36 @@ fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Re
     schedule.scaled_to(platform, terms.total_time_s)
 }
 
-fn in_best_order(evaluator: &Evaluator, schedule: &Schedule, terms: &Terms) -> Result<Schedule> {
-    best_order(evaluator, schedule, terms.total_time_s, terms.seed)
-        .ok_or_else(|| Error::numerical("no order of it can be rated"))?
-        .scaled_to(evaluator.platform(), terms.total_time_s)
+/// The scheme in the best order that is found, or what is wrong with it as it is `given`.
+fn in_best_order(
+    evaluator: &Evaluator,
+    name: &str,
+    given: Result<Schedule>,
+    terms: &Terms,
+) -> Compared {
+    let found = given.and_then(|given| {
+        let positions: Vec<_> = given.positions().iter().map(|p| p.position).collect();
+        let Terms {
+            total_time_s,
+            seed,
+            most_steps,
+            ..
+        } = *terms;
+        ordering::best_order(evaluator, &positions, total_time_s, seed, most_steps)
+            .ok_or_else(|| Error::numerical("no order of it can be rated"))
+    });
+    Compared {
+        name: name.to_owned(),
+        order: match &found {
+            Ok(found) if found.proof == Proof::Complete => Order::Best,
+            _ => Order::BestFound,
+        },
+        order_search: found.as_ref().ok().map(|found| OrderSearch {
+            proof: found.proof,
+            steps: found.steps,
+        }),
+        outcome: found.and_then(|found| evaluated(evaluator, found.schedule)),
+    }
 }
 
 fn evaluated(evaluator: &Evaluator, schedule: Schedule) -> Result<(Schedule, Evaluation)> {
@@ -155,6 +217,7 @@ mod tests {
             scale: true,
             best_order: true,
             seed: 1,
+            most_steps: MOST_STEPS,
         };
         let contender = Contender {
             name: "faces-12".to_owned(),
@@ -200,6 +263,7 @@ mod tests {
                 scale,
                 best_order: true,
                 seed: 1,
+                most_steps: MOST_STEPS,
             };
             let compared = compare(&evaluator, std::slice::from_ref(&contender), &terms);
             assert_eq!(compared.len(), 1);

@@ -23,6 +23,7 @@ pub mod gradient;
 pub mod history;
 pub(crate) mod incremental;
 pub mod kernel;
+pub(crate) mod link;
 pub(crate) mod number;
 pub mod reference;
 mod rows;

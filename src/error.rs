@@ -2,10 +2,13 @@
 //!
 //! An [`Error`] carries its context as data (file, line, key, value, allowed range), so that a
 //! caller can show it in its own way; [`std::fmt::Display`] puts it into one line, or two with
-//! a hint. Whether a search stopped early is a status, not an error.
+//! a hint. What it was caused by, where that is another library's error or the operating system's,
+//! is its [`source`](std::error::Error::source); the one line says it too. Whether a search stopped
+//! early is a status, not an error.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What sort of thing went wrong. Use the predicates of [`Error`] to branch on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -47,6 +50,18 @@ struct Context {
     value: Option<String>,
     allowed: Option<String>,
     hint: Option<String>,
+    cause: Option<Cause>,
+}
+
+/// What an error was caused by. Shared, because an [`Error`] can be cloned and its cause need not.
+#[derive(Debug, Clone)]
+struct Cause(Arc<dyn std::error::Error + Send + Sync>);
+
+/// Causes of other libraries cannot be compared but for what they say.
+impl PartialEq for Cause {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.to_string() == other.0.to_string()
+    }
 }
 
 /// The result of a fallible call of this crate.
@@ -63,6 +78,7 @@ impl Error {
             value: None,
             allowed: None,
             hint: None,
+            cause: None,
         }))
     }
 
@@ -71,9 +87,20 @@ impl Error {
         Self::new(ErrorKind::Input, message)
     }
 
-    /// An operating-system failure on `file`.
-    pub fn io(action: &str, file: &Path, source: &std::io::Error) -> Self {
-        Self::new(ErrorKind::Io, format!("cannot {action}: {source}")).with_file(file)
+    /// An operating-system failure on `file`, which stays its
+    /// [`source`](std::error::Error::source).
+    ///
+    /// ```
+    /// use std::error::Error as _;
+    /// let denied = std::io::Error::from(std::io::ErrorKind::PermissionDenied);
+    /// let error = scheme_opt::Error::io("read the file", "platform.toml".as_ref(), denied);
+    /// let source = error.source().and_then(|s| s.downcast_ref::<std::io::Error>());
+    /// assert_eq!(source.map(std::io::Error::kind), Some(std::io::ErrorKind::PermissionDenied));
+    /// ```
+    pub fn io(action: &str, file: &Path, source: std::io::Error) -> Self {
+        Self::new(ErrorKind::Io, format!("cannot {action}: {source}"))
+            .with_file(file)
+            .with_source(source)
     }
 
     /// Valid inputs that no schedule satisfies.
@@ -138,6 +165,16 @@ impl Error {
     #[must_use]
     pub fn with_hint(mut self, hint: impl Into<String>) -> Self {
         self.0.hint = Some(hint.into());
+        self
+    }
+
+    /// Keeps what it was caused by.
+    #[must_use]
+    pub fn with_source(
+        mut self,
+        source: impl Into<Box<dyn std::error::Error + Send + Sync>>,
+    ) -> Self {
+        self.0.cause = Some(Cause(source.into().into()));
         self
     }
 
@@ -224,4 +261,76 @@ impl fmt::Display for Error {
     }
 }
 
-impl std::error::Error for Error {}
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        let cause = self.0.cause.as_ref()?;
+        Some(&*cause.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+
+    use super::*;
+    use crate::schedule::file::{from_csv, from_json};
+    use crate::study::StudySource;
+
+    /// The cause of an error, of the kind that is expected.
+    fn cause<E: std::error::Error + 'static>(error: &Error) -> &E {
+        let source = error
+            .source()
+            .unwrap_or_else(|| panic!("no cause: {error}"));
+        source
+            .downcast_ref()
+            .unwrap_or_else(|| panic!("another cause: {source:?}"))
+    }
+
+    #[test]
+    fn errors_keep_their_cause() {
+        let missing = StudySource::read("no-such-directory/platform.toml".as_ref()).unwrap_err();
+        assert!(missing.is_io());
+        assert_eq!(
+            cause::<std::io::Error>(&missing).kind(),
+            std::io::ErrorKind::NotFound
+        );
+
+        // Neither TOML nor a value of the type of its key.
+        for text in ["[site\n", "[site]\nlatitude_deg = \"north\"\n"] {
+            let error = StudySource::parse(text, None).unwrap_err();
+            assert!(!cause::<toml::de::Error>(&error).message().is_empty());
+        }
+
+        let error = from_json("{\"schema\": ").unwrap_err();
+        assert!(cause::<serde_json::Error>(&error).is_eof());
+
+        let error = from_csv("alpha_deg,beta_deg,gamma_deg,dwell_s\n0,0,x,10\n").unwrap_err();
+        assert_eq!(
+            cause::<std::num::ParseFloatError>(&error),
+            &"x".parse::<f64>().unwrap_err()
+        );
+    }
+
+    #[test]
+    fn a_cause_goes_with_the_error_and_says_nothing_twice() {
+        let full = || std::io::Error::other("the disk is full");
+        let error = Error::io("write the file", Path::new("result.json"), full());
+        assert_eq!(
+            error.to_string(),
+            "result.json: cannot write the file: the disk is full"
+        );
+        let copy = error.clone();
+        assert_eq!(
+            cause::<std::io::Error>(&copy).to_string(),
+            "the disk is full"
+        );
+        assert_eq!(copy, error);
+        let other = Error::io("write the file", Path::new("result.json"), full());
+        assert_eq!(other, error);
+        assert!(Error::input("wrong type").source().is_none());
+        assert_ne!(Error::input("a"), Error::input("a").with_source(full()));
+        // A chain of this crate's own errors.
+        let outer = Error::infeasible("no").with_source(error.clone());
+        assert_eq!(cause::<Error>(&outer), &error);
+    }
+}

@@ -279,14 +279,8 @@ impl Evaluator {
         let covariance = self
             .model
             .coefficients_by_gram(timeline, TickRule::Relaxed)?;
-        let mut value = self.merit_of_covariance(&covariance, smoothing)?;
-        if self.objective.uses_separability() {
-            value += match LogSeparability::new(&self.model, timeline) {
-                Some(s) => self.separability_merit(&s.log).0,
-                None => self.separability_merit(&not_separable()).0,
-            };
-        }
-        Ok(value)
+        let value = self.merit_of_covariance(&covariance, smoothing)?;
+        Ok(value + self.separability_part(timeline))
     }
 
     /// The covariance's part of the merit from P_D, (°/h)².
@@ -310,6 +304,31 @@ impl Evaluator {
     ) -> Vec<Result<f64>> {
         let merit = |p: &CoefficientMatrix| self.merit_of_covariance(p, smoothing);
         self.model.values(timelines, TickRule::Relaxed, merit)
+    }
+
+    /// The merit of every timeline by the filter's own rule, several at once.
+    pub(crate) fn merits_by_filter(&self, timelines: &[Timeline]) -> Vec<Result<f64>> {
+        let merit = |p: &CoefficientMatrix| self.merit_of_covariance(p, Smoothing::Exact);
+        let mut merits = self.model.values(timelines, TickRule::Filter, merit);
+        if self.objective.uses_separability() {
+            for (merit, timeline) in merits.iter_mut().zip(timelines) {
+                if let Ok(merit) = merit {
+                    *merit += self.separability_part(timeline);
+                }
+            }
+        }
+        merits
+    }
+
+    /// What separability adds to the merit; nothing where it has no part in the objective.
+    pub(crate) fn separability_part(&self, timeline: &Timeline) -> f64 {
+        if !self.objective.uses_separability() {
+            return 0.0;
+        }
+        match LogSeparability::new(&self.model, timeline) {
+            Some(s) => self.separability_merit(&s.log).0,
+            None => self.separability_merit(&not_separable()).0,
+        }
     }
 
     /// [`Evaluator::merit`] with its gradient.

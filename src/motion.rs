@@ -20,6 +20,7 @@ pub(crate) mod integral;
 
 use std::ops::Range;
 
+pub(crate) use equivalents::slowest_turn_rad;
 pub use equivalents::{equivalent_positions, quickest_positions};
 
 use crate::attitude::{Attitude, Degrees, NanoDegrees, Position, wrap_half_turn};
@@ -265,6 +266,13 @@ impl Timeline {
         Self { legs, positions }
     }
 
+    /// Some of the legs alone.
+    pub(crate) fn only(&self, range: Range<usize>) -> Self {
+        let legs = self.legs[range].to_vec();
+        let positions = 0..legs.len();
+        Self { legs, positions }
+    }
+
     /// The move to a position, from where there is one.
     fn arrival(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Option<Move> {
         let motion = &platform.motion;
@@ -299,6 +307,11 @@ impl Timeline {
             attitude: p.position.attitude(),
             dwell_s: p.dwell_s,
         }
+    }
+
+    /// The leg of a position that is reached from another one, held for no time.
+    pub(crate) fn arrival_leg(platform: &Platform, from: Option<Position>, to: Position) -> Leg {
+        Self::leg(platform, from, &ScheduledPosition::new(to, 0.0))
     }
 
     /// The legs in order, start and return included.

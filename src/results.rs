@@ -573,15 +573,15 @@ pub(crate) fn skipped(baselines: &[Baseline]) -> Vec<SkippedBaseline> {
 }
 
 fn to_json(document: &impl Serialize) -> Result<String> {
-    let failed = |e: &dyn std::fmt::Display| {
-        Error::numerical(format!("the document cannot be written as JSON: {e}"))
+    let failed = |e: Box<dyn std::error::Error + Send + Sync>| {
+        Error::numerical(format!("the document cannot be written as JSON: {e}")).with_source(e)
     };
     let mut bytes = Vec::new();
     let mut serializer =
         serde_json::Serializer::with_formatter(&mut bytes, layout::Layout::default());
     document
         .serialize(&mut serializer)
-        .map_err(|e| failed(&e))?;
+        .map_err(|e| failed(e.into()))?;
     bytes.push(b'\n');
-    String::from_utf8(bytes).map_err(|e| failed(&e))
+    String::from_utf8(bytes).map_err(|e| failed(e.into()))
 }

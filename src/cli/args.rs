@@ -329,9 +329,13 @@ pub(super) struct CompareArgs {
     /// Every built-in scheme too
     #[arg(long)]
     pub standard: bool,
-    /// Each built-in scheme also in its best order
+    /// Each built-in scheme also in its best order: proven up to 12 positions where the steps are
+    /// enough, else the best found
     #[arg(long)]
     pub best_order: bool,
+    /// Steps towards that proof before it is left open, for each scheme
+    #[arg(long, value_name = "N", default_value_t = crate::compare::MOST_STEPS)]
+    pub order_steps: u64,
     /// Run given schedules as they are, not scaled to the total time
     #[arg(long)]
     pub as_given: bool,

@@ -95,6 +95,7 @@ impl Checkpoint {
             Error::input("not a checkpoint")
                 .with_file(&self.path)
                 .with_line(e.line().max(1))
+                .with_source(e)
         })?;
         let refused = |what: &str| {
             Err(Error::input(what)
@@ -123,11 +124,12 @@ impl Checkpoint {
         if document.finished.is_empty() {
             return Ok(());
         }
-        let content = serde_json::to_string(&document)
-            .map_err(|e| Error::numerical(format!("the checkpoint cannot be written: {e}")))?;
+        let content = serde_json::to_string(&document).map_err(|e| {
+            Error::numerical(format!("the checkpoint cannot be written: {e}")).with_source(e)
+        })?;
         if let Some(directory) = self.path.parent() {
             std::fs::create_dir_all(directory)
-                .map_err(|e| Error::io("create the output directory", directory, &e))?;
+                .map_err(|e| Error::io("create the output directory", directory, e))?;
         }
         write_file(&self.path, &(content + "\n"), true)?;
         self.take_over();
@@ -149,6 +151,7 @@ impl Checkpoint {
                     warned = true;
                     output.message(&format!("note: no checkpoint is kept: {e}"));
                 }
+                // Said once; the last attempt, at the end of the search, says it again.
                 Err(_) => {}
             }
             pause = interval.max(began.elapsed() * MOST_EFFORT);
@@ -178,7 +181,7 @@ fn problem(study: &Study) -> Result<Value> {
     config.search.threads = None;
     config.search.time_limit_s = None;
     serde_json::to_value(&config)
-        .map_err(|e| Error::numerical(format!("the inputs cannot be written: {e}")))
+        .map_err(|e| Error::numerical(format!("the inputs cannot be written: {e}")).with_source(e))
 }
 
 /// The dotted key of the first value that differs.

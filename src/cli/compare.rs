@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compare::{Contender, Order, Source, Terms, compare};
+use crate::compare::{Contender, Order, Proof, Source, Terms, compare};
 use crate::error::Result;
 use crate::report::{html, numbers};
 use crate::results::{ComparedRecord, ComparisonDocument};
@@ -28,6 +28,7 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
         scale: !args.as_given,
         best_order: args.best_order,
         seed: study.search().seed,
+        most_steps: args.order_steps,
     };
     let pool = inputs::thread_pool(&study)?;
     let compared = pool.install(|| compare(&evaluator, &contenders, &terms));
@@ -89,13 +90,7 @@ fn text(document: &ComparisonDocument) -> String {
             "\nCoefficients after the test, 1 sigma, 1e-3 deg/h (D_I, D_O, D_S per g)\n\n",
         );
         text.push_str(&coefficients(document));
-        if document
-            .schedules
-            .iter()
-            .any(|s| s.order == Order::Best.name())
-        {
-            text.push_str("\n* the same positions in the best order found\n");
-        }
+        text.push_str(&orders(document));
     }
     for skipped in &document.skipped {
         text.push_str(&report::wrap(&format!(
@@ -107,13 +102,51 @@ fn text(document: &ComparisonDocument) -> String {
     text
 }
 
+/// What the marks behind names mean.
+fn orders(document: &ComparisonDocument) -> String {
+    let all = |proof: Proof| {
+        document
+            .schedules
+            .iter()
+            .any(|s| s.order_proof == Some(proof))
+    };
+    let notes = [
+        (
+            Proof::Complete,
+            "* the same positions in their best order: all orders were gone through",
+        ),
+        (
+            Proof::StepLimit,
+            "+ the same positions in the best order found: a better one may exist; \
+             --order-steps, raised, goes through more of them",
+        ),
+        (
+            Proof::TooManyPositions,
+            "+ the same positions in the best order found: a better one may exist; of more than \
+             12 positions not all orders are gone through",
+        ),
+        (
+            Proof::OtherTriples,
+            "+ the best order found, some attitudes by other Euler triples: better than every order \
+             of the positions as they are, all of which were gone through; a better one may exist",
+        ),
+    ];
+    let notes = notes.into_iter().filter(|(proof, _)| all(*proof));
+    let text: String = notes.map(|(_, note)| report::wrap(note)).collect();
+    match text.is_empty() {
+        true => text,
+        false => format!("\n{text}"),
+    }
+}
+
 /// Name and order, short enough for a table: files without their directory.
 fn label(name: &str, order: &str) -> String {
     let file = || Path::new(name).file_name().and_then(|f| f.to_str());
     let short = name.strip_prefix(PREFIX).or_else(file).unwrap_or(name);
-    match order == Order::Best.name() {
-        true => format!("{short} *"),
-        false => short.to_owned(),
+    match Order::from_name(order) {
+        Some(Order::Best) => format!("{short} *"),
+        Some(Order::BestFound) => format!("{short} +"),
+        Some(Order::AsGiven) | None => short.to_owned(),
     }
 }
 

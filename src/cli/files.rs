@@ -50,7 +50,7 @@ impl OutputFiles {
             },
         };
         std::fs::create_dir_all(directory)
-            .map_err(|e| Error::io("create the output directory", directory, &e))?;
+            .map_err(|e| Error::io("create the output directory", directory, e))?;
         for name in names {
             let target = directory.join(name);
             if target.is_dir() {
@@ -60,7 +60,7 @@ impl OutputFiles {
                 );
             }
             let file = temporary_in(directory)
-                .map_err(|e| Error::io("write into the output directory", directory, &e))?;
+                .map_err(|e| Error::io("write into the output directory", directory, e))?;
             outputs.litter.files.push(file.path().to_owned());
             outputs.files.push((target, file));
         }
@@ -76,15 +76,15 @@ impl OutputFiles {
     /// take its place. Gives the paths. A directory that vanished meanwhile is made again.
     pub(super) fn commit(mut self, contents: &[String]) -> Result<Vec<PathBuf>> {
         for ((target, file), content) in self.files.iter_mut().zip(contents) {
-            let cannot_write = |e: &std::io::Error| Error::io("write the file", target, e);
+            let cannot_write = |e: std::io::Error| Error::io("write the file", target, e);
             if !file.path().exists() {
-                *file = made_again(target).map_err(|e| cannot_write(&e))?;
+                *file = made_again(target).map_err(cannot_write)?;
             }
-            fill(file, content).map_err(|e| cannot_write(&e))?;
+            fill(file, content).map_err(cannot_write)?;
         }
         let mut written = Vec::with_capacity(contents.len());
         for (target, file) in self.files.drain(..) {
-            persist(file, &target, true).map_err(|e| Error::io("write the file", &target, &e))?;
+            persist(file, &target, true).map_err(|e| Error::io("write the file", &target, e))?;
             written.push(target);
         }
         Ok(written)
@@ -108,13 +108,13 @@ impl Drop for OutputFiles {
 /// Writes one file, completely or not at all. An existing file is an error unless `overwrite`;
 /// devices and pipes are written to as they are.
 pub(super) fn write_file(path: &Path, content: &str, overwrite: bool) -> Result<()> {
-    let failed = |e: &std::io::Error| Error::io("write the file", path, e);
+    let failed = |e: std::io::Error| Error::io("write the file", path, e);
     if path.exists() && !path.is_file() && !path.is_dir() {
-        return std::fs::write(path, content).map_err(|e| failed(&e));
+        return std::fs::write(path, content).map_err(failed);
     }
-    let mut file = temporary_in(directory_of(path)).map_err(|e| failed(&e))?;
-    fill(&mut file, content).map_err(|e| failed(&e))?;
-    persist(file, path, overwrite).map_err(|e| failed(&e))
+    let mut file = temporary_in(directory_of(path)).map_err(failed)?;
+    fill(&mut file, content).map_err(failed)?;
+    persist(file, path, overwrite).map_err(failed)
 }
 
 fn directory_of(path: &Path) -> &Path {

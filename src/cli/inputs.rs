@@ -154,6 +154,7 @@ pub(super) fn thread_pool(study: &Study) -> Result<rayon::ThreadPool> {
             Error::input(format!("cannot start the threads: {e}"))
                 .with_key("search.threads")
                 .with_value(threads)
+                .with_source(e)
         })
 }
 

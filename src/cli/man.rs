@@ -40,6 +40,6 @@ fn page(command: &clap::Command) -> Result<String> {
     let mut text = Vec::new();
     clap_mangen::Man::new(command.clone())
         .render(&mut text)
-        .map_err(|e| Error::io("write", Path::new("the manual"), &e))?;
+        .map_err(|e| Error::io("write", Path::new("the manual"), e))?;
     Ok(String::from_utf8_lossy(&text).into_owned())
 }

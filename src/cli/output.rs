@@ -30,7 +30,7 @@ impl Output {
             .and_then(|()| stdout.flush());
         match written {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-                Err(Error::io("write", Path::new("standard output"), &e))
+                Err(Error::io("write", Path::new("standard output"), e))
             }
             _ => Ok(()),
         }

@@ -41,7 +41,8 @@ pub(crate) struct Rest {
 }
 
 impl Rest {
-    fn nothing() -> Self {
+    /// Nothing follows.
+    pub fn nothing() -> Self {
         Self {
             psi: Matrix3::zeros(),
             drift: DriftMatrix::zeros(),
@@ -49,15 +50,29 @@ impl Rest {
         }
     }
 
+    /// The rows `psi ψ^n + drift D` and `information` on D alone.
+    pub fn of(psi: &Matrix3<f64>, drift: &DriftMatrix, information: &CoefficientMatrix) -> Self {
+        Self {
+            psi: *psi,
+            drift: *drift,
+            information: *information,
+        }
+    }
+
+    /// R, S and E'.
+    pub fn parts(&self) -> (&Matrix3<f64>, &DriftMatrix, &CoefficientMatrix) {
+        (&self.psi, &self.drift, &self.information)
+    }
+
     /// Back through ψ^n ← Φ ψ^n + B D + ζ, ζ ~ N(0, C).
-    fn through(&mut self, phi: &Matrix3<f64>, b: &DriftMatrix, noise: &Matrix3<f64>) {
+    pub fn through(&mut self, phi: &Matrix3<f64>, b: &DriftMatrix, noise: &Matrix3<f64>) {
         let w = whitener(&(self.psi * square_root(noise)));
         self.drift = w * (self.psi * b + self.drift);
         self.psi = w * self.psi * phi;
     }
 
     /// With three more rows `psi ψ^n + drift D`.
-    fn with_rows(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix) {
+    pub fn with_rows(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix) {
         let mut rows = SMatrix::<f64, 6, 15>::zeros();
         rows.fixed_view_mut::<3, 3>(0, 0).copy_from(psi);
         rows.fixed_view_mut::<3, 12>(0, 3).copy_from(drift);
@@ -67,6 +82,11 @@ impl Rest {
         self.psi = rows.fixed_view::<3, 3>(0, 0).into_owned();
         self.drift = rows.fixed_view::<3, 12>(0, 3).into_owned();
         self.add_information(&rows.fixed_view::<3, 12>(3, 3).into_owned());
+    }
+
+    /// With more information on D alone.
+    pub fn add_to_information(&mut self, more: &CoefficientMatrix) {
+        self.information += more;
     }
 
     fn add_information(&mut self, rows: &DriftMatrix) {

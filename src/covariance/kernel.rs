@@ -126,11 +126,7 @@ impl Element {
             .copy_from(&through_noise.transpose());
         stacked.fixed_rows_mut::<6>(3).fill_with_identity();
         let factor_t = stacked.qr().r();
-        // factor_tᵀ is lower triangular with positive or negative diagonal, never zero.
-        let whitened = factor_t
-            .transpose()
-            .solve_lower_triangular(&seen)
-            .unwrap_or(seen);
+        let whitened = whitened(&factor_t, &seen);
         // ξ given x and the next element's measurements: covariance (I + U1ᵀ J2 U1)⁻¹.
         let shrink = whitener(&through_noise_gram_root(&through_noise));
         let conditional = self.u * shrink.transpose();
@@ -159,6 +155,14 @@ impl Element {
             c: self.u * self.u.transpose(),
         }
     }
+}
+
+/// L⁻¹ `seen` with L = `factor_t`ᵀ. The diagonal of a factor of a sum with I is never zero; were
+/// it so, nothing that the kernel is used for could be trusted, and NaN makes every covariance
+/// that it takes part in an error.
+fn whitened(factor_t: &Matrix6, seen: &Matrix6) -> Matrix6 {
+    let solved = factor_t.transpose().solve_lower_triangular(seen);
+    solved.unwrap_or_else(|| Matrix6::repeat(f64::NAN))
 }
 
 /// A 3×3 B with B Bᵀ = Nᵀ N for the 6×3 matrix N, from the R factor of N.
@@ -400,6 +404,27 @@ mod tests {
                 assert!((k.a_epsilon - phi.fixed_view::<3, 3>(0, 3)).amax() < 1e-11 * scale);
             }
         }
+    }
+
+    #[test]
+    fn a_failed_factorisation_is_seen() {
+        let seen = Matrix6::identity();
+        assert_eq!(whitened(&(Matrix6::identity() * 2.0), &seen), seen * 0.5);
+        let mut singular = Matrix6::identity();
+        singular[(3, 3)] = 0.0;
+        assert!(whitened(&singular, &seen).iter().all(|w| w.is_nan()));
+        // A kernel made of it ends in an error, not in a number.
+        let spoilt = Element {
+            w: whitened(&singular, &seen),
+            ..table(0.49).0.one_period
+        };
+        let kernel = table(0.49).0.one_period.then(&spoilt).split();
+        let a = crate::drift::drift_matrix(&crate::attitude::Position::default().attitude());
+        let rows = kernel.r22 * a;
+        let information = rows.transpose() * rows;
+        let prior = crate::drift::CoefficientVector::repeat(1.0);
+        let covariance = crate::covariance::covariance_from_information(&information, &prior);
+        assert!(covariance.unwrap_err().is_numerical());
     }
 
     #[test]

@@ -7,6 +7,7 @@
 use super::way;
 use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::platform::Platform;
+use crate::units::RAD_PER_DEG;
 
 /// Whole turns that a limited axis is tried at, beside the angle given.
 const TURNS: [i64; 3] = [0, 1, -1];
@@ -129,6 +130,11 @@ fn distance(platform: &Platform, from: Position, to: Position) -> i64 {
     change
         .into_iter()
         .fold(0, |max, c| max.max(c.nano.abs().count()))
+}
+
+/// The same in rad.
+pub(crate) fn slowest_turn_rad(platform: &Platform, from: Position, to: Position) -> f64 {
+    NanoDegrees::new(distance(platform, from, to)).deg() * RAD_PER_DEG
 }
 
 /// The cheapest way through one option each, with its cost, 1e-9°.

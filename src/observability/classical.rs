@@ -78,6 +78,7 @@ impl Gramian {
                 scaled[(i, j)] += self.matrix[(i, j)] * prior[i] * prior[j];
             }
         }
+        // Not definite only where something overflowed: the σ are NaN then, and absent in print.
         let inverse = nalgebra::Cholesky::new(scaled).map(|c| c.inverse());
         CoefficientVector::from_fn(|i, _| {
             let variance = inverse.map_or(f64::NAN, |m| m[(3 + i, 3 + i)]);

@@ -276,6 +276,8 @@ impl Prospect {
         let s = SMatrix::<f64, 4, 4>::from_fn(|i, j| {
             rows[i].dot(&through[j]) + if i == j { 1.0 } else { 0.0 }
         });
+        // I + … is definite unless something overflowed: a position of which nothing can be said is
+        // not suggested.
         let Some(cholesky) = nalgebra::Cholesky::new(s) else {
             return 0.0;
         };

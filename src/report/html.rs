@@ -222,7 +222,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let names: Vec<&str> = document
         .schedules
         .iter()
-        .filter(|s| s.order != crate::compare::Order::Best.name())
+        .filter(|s| s.order == crate::compare::Order::AsGiven.name())
         .map(|s| s.name.as_str())
         .collect();
     let mut command = format!(
@@ -256,7 +256,9 @@ pub fn from_json(text: &str) -> Result<String> {
     }
     fn read<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
         serde_json::from_str(text).map_err(|e| {
-            Error::input(format!("not a document of this program: {e}")).with_line(e.line())
+            Error::input(format!("not a document of this program: {e}"))
+                .with_line(e.line())
+                .with_source(e)
         })
     }
     let head: Head = read(text)?;
@@ -287,7 +289,7 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
         sections,
     };
     page.render()
-        .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")))
+        .map_err(|e| Error::numerical(format!("the report cannot be written: {e}")).with_source(e))
 }
 
 /// The page in place of one that could not be made: that and why, for a result that must not be
@@ -571,8 +573,9 @@ fn correlation_blocks(subject: &Subject) -> Vec<Block> {
 /// Formulas, inputs, versions, and how to get the same again.
 fn basis(subject: &Subject, command: &str, seed: Option<u64>) -> Result<Section> {
     let d = &subject.document;
-    let platform = toml::to_string(&d.inputs)
-        .map_err(|e| Error::numerical(format!("the inputs cannot be written as TOML: {e}")))?;
+    let platform = toml::to_string(&d.inputs).map_err(|e| {
+        Error::numerical(format!("the inputs cannot be written as TOML: {e}")).with_source(e)
+    })?;
     let defaulted = match d.defaulted.is_empty() {
         true => "Every value was given.".to_owned(),
         false => format!(

@@ -264,6 +264,7 @@ pub(super) fn front_bounds(
         .par_iter()
         .map(|&time_s| {
             let bound = certifier.criterion_bound(&objective.criterion, time_s);
+            // The front stands without it; `bound` at this time says what is wrong.
             bound.ok().as_ref().and_then(useful)
         })
         .collect()

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json};
-use crate::compare::{Compared, Terms};
+use crate::compare::{Compared, Proof, Terms};
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
@@ -44,8 +44,15 @@ pub struct ComparisonDocument {
 pub struct ComparedRecord {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
-    /// `as-given`, or `best`: the best order found of the same positions.
+    /// `as-given`; `best`: the best order of the same positions, proven; or `best-found`: the best
+    /// that was found of them.
     pub order: String,
+    /// Whether the order is proven to be the best; absent for an order as given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub order_proof: Option<Proof>,
+    /// Steps made towards that proof: positions added to beginnings of orders.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub order_steps: Option<u64>,
     /// How many positions it has.
     pub positions: usize,
     /// Duration of the test, moves and settles included, s.
@@ -103,7 +110,7 @@ pub struct ComparedCoefficient {
 pub struct SkippedContender {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
-    /// `as-given`, or `best`.
+    /// `as-given`, `best` or `best-found`.
     pub order: String,
     /// Why it cannot be run.
     pub reason: String,
@@ -175,6 +182,8 @@ fn record(
     ComparedRecord {
         name: compared.name.clone(),
         order: compared.order.name().to_owned(),
+        order_proof: compared.order_search.map(|search| search.proof),
+        order_steps: compared.order_search.map(|search| search.steps),
         positions: schedule.positions().len(),
         total_time_s: evaluation.total_time_s,
         overhead_s: evaluation.overhead_s,

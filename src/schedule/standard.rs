@@ -209,6 +209,7 @@ impl StandardScheme {
             .with_key(key)
             .with_value(error.value().unwrap_or_default())
             .with_allowed(error.allowed().unwrap_or_default())
+            .with_source(error)
     }
 }
 

@@ -22,9 +22,9 @@ pub(crate) const MAX_SCHEDULE_BYTES: u64 = 8 << 20;
 /// is not a regular file (or a link to one), a file larger than `most_bytes` (of which no more
 /// than that is read), and text that is not UTF-8.
 pub(crate) fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
-    let cannot_read = |e: &std::io::Error| Error::io("read the file", path, e);
+    let cannot_read = |e: std::io::Error| Error::io("read the file", path, e);
     // Asked before opening: to open a pipe nobody writes to would wait for ever.
-    let metadata = std::fs::metadata(path).map_err(|e| cannot_read(&e))?;
+    let metadata = std::fs::metadata(path).map_err(cannot_read)?;
     if metadata.is_dir() {
         return Err(Error::input("a directory, not a file").with_file(path));
     }
@@ -42,11 +42,11 @@ pub(crate) fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
         return Err(too_large());
     }
     // The length asked for may be out of date, so the reading is limited as well.
-    let file = File::open(path).map_err(|e| cannot_read(&e))?;
+    let file = File::open(path).map_err(cannot_read)?;
     let mut bytes = Vec::new();
     file.take(most_bytes + 1)
         .read_to_end(&mut bytes)
-        .map_err(|e| cannot_read(&e))?;
+        .map_err(cannot_read)?;
     if bytes.len() as u64 > most_bytes {
         return Err(too_large());
     }
@@ -67,7 +67,8 @@ fn decode(bytes: Vec<u8>) -> Result<String> {
             let line = 1 + e.as_bytes()[..good].iter().filter(|b| **b == b'\n').count();
             Err(Error::input("not UTF-8 text")
                 .with_line(line)
-                .with_hint("save it as UTF-8"))
+                .with_hint("save it as UTF-8")
+                .with_source(e.utf8_error()))
         }
     }
 }

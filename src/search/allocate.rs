@@ -80,6 +80,7 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
     }
     let next = next.fitted(platform, context.problem.total_time_s)?;
     context.work.count_evaluations(1);
+    // A step to where no merit can be computed is not taken.
     let merit = evaluator.merit(&next.timeline(platform), smoothing).ok()?;
     Some(Refined { plan: next, merit })
 }
@@ -113,6 +114,7 @@ impl LocalModel {
         let count = plan.angles.len();
         work.count_evaluations(count as u64 + 1);
         let here = information(plan);
+        // Without a local model the dwells stay as they are.
         let p = covariance_from_information(&here, &model.prior_sigma).ok()?;
         let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
         // One period ahead: long against rounding, short against the dwell.
@@ -182,6 +184,7 @@ impl LocalModel {
         let mut bounds = vec![0.0];
         bounds.extend(dwell_s.iter().map(|d| (d / trust).min(1.0)));
         bounds.extend(std::iter::repeat_n(1.0, count));
+        // A program that cannot be set up or solved gives no step.
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
             .build()

@@ -261,6 +261,7 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     context.work.count_evaluations(1);
     let timeline = plan.timeline(evaluator.platform());
+    // Without figures it is no candidate.
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
     let end = evaluator
         .model()

@@ -144,6 +144,7 @@ fn information_adjoint(
     information: &CoefficientMatrix,
 ) -> Option<CoefficientMatrix> {
     let evaluator = context.evaluator;
+    // Without a derivative no position is proposed.
     let p = covariance_from_information(information, &evaluator.model().prior_sigma).ok()?;
     let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
     Some(-(p * slope * p))
@@ -163,6 +164,7 @@ pub(super) fn price_of_time(
         let plan = plan.clone().fitted(platform, total_time_s)?;
         context.work.count_evaluations(1);
         let timeline = plan.timeline(platform);
+        // Without a merit time has no price.
         context.evaluator.merit(&timeline, smoothing).ok()
     };
     let longer = merit(total_time_s * (1.0 + STEP))?;

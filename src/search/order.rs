@@ -4,23 +4,17 @@
 //! position tells depends on what was known before, through ψ^n and its covariance. So every
 //! change is scored by the true evaluator, the time its moves save given to the dwells.
 
-use std::sync::atomic::AtomicBool;
-
 use rand::SeedableRng;
-use rand::seq::{IndexedRandom, SliceRandom};
+use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::context::{Context, Work};
+use super::context::Context;
 use super::plan::{Refined, rate, told_apart};
-use super::problem::SearchProblem;
-use super::progress::Control;
 use super::variables::Plan;
 use crate::attitude::Position;
 use crate::criterion::Smoothing;
-use crate::evaluate::Evaluator;
 use crate::motion::quickest_positions;
-use crate::schedule::Schedule;
 
 /// Longest segment that is displaced.
 const LONGEST_SEGMENT: usize = 3;
@@ -140,69 +134,10 @@ fn estimated(
     context.work.count_evaluations(plans.len() as u64);
     let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(platform)).collect();
     let merits = evaluator.merits_by_covariance(&timelines, smoothing);
+    // An order whose merit cannot be computed is no candidate.
     let all = merits.into_iter().zip(plans);
     all.filter_map(|(merit, plan)| Some((told_apart(merit.ok()?)?, plan)))
         .collect()
-}
-
-/// Random orders that a descent begins at, besides the given one.
-const RANDOM_ORDERS: usize = 5;
-/// Steps of one descent.
-const MOST_STEPS: usize = 200;
-
-/// The positions of `schedule` in the best order found by the evaluator's objective, every dwell
-/// the same, moves by the quickest triples: descents by 2-opt and or-opt moves from the given
-/// order and from random ones. None when no order has a merit.
-pub fn best_order(
-    evaluator: &Evaluator,
-    schedule: &Schedule,
-    total_time_s: f64,
-    seed: u64,
-) -> Option<Schedule> {
-    let positions = schedule.positions();
-    let problem = SearchProblem {
-        total_time_s,
-        seed,
-        max_positions: positions.len(),
-        ..SearchProblem::default()
-    };
-    let (cancel, work) = (AtomicBool::new(false), Work::default());
-    let context = Context {
-        evaluator,
-        problem: &problem,
-        control: &Control::new(&cancel, &|_| {}),
-        work: &work,
-    };
-    let given = Plan::new(
-        positions.iter().map(|p| p.position.to_array()).collect(),
-        vec![total_time_s; positions.len()],
-    );
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut starts = vec![given.clone()];
-    for _ in 0..RANDOM_ORDERS {
-        let mut shuffled = given.clone();
-        shuffled.angles.shuffle(&mut random);
-        starts.push(shuffled);
-    }
-    let best = starts
-        .into_iter()
-        .filter_map(|start| descend(context, start))
-        .reduce(Refined::better)?;
-    best.plan.to_schedule(evaluator.platform()).ok()
-}
-
-/// The order that no change makes better.
-fn descend(context: Context<'_>, start: Plan) -> Option<Refined> {
-    let smoothing = Smoothing::Exact;
-    let mut current = rate(context, &with_quickest_positions(context, start), smoothing)?;
-    for _ in 0..MOST_STEPS {
-        let next = neighbours(context, smoothing, &current.plan, 1).pop();
-        match next.filter(|next| next.merit < current.merit - 1e-9) {
-            Some(better) => current = better,
-            None => break,
-        }
-    }
-    Some(current)
 }
 
 #[cfg(test)]

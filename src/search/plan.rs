@@ -41,6 +41,8 @@ pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> O
         .fitted(platform, context.problem.total_time_s)?;
     context.work.count_evaluations(1);
     let timeline = plan.timeline(platform);
+    // Here and wherever plans are tried: one whose merit cannot be computed is no candidate. That
+    // none is left is an error of the search, and the winner is evaluated in full.
     let merit = context.evaluator.merit(&timeline, smoothing).ok()?;
     merit.is_finite().then_some(Refined { plan, merit })
 }

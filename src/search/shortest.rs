@@ -237,6 +237,7 @@ impl RootSearch<'_> {
     fn ratio(&self, plan: &Plan) -> Option<f64> {
         self.work.count_evaluations(1);
         let timeline = plan.timeline(self.evaluator.platform());
+        // A plan whose ratio cannot be computed meets nothing.
         let end = self
             .evaluator
             .model()
@@ -259,8 +260,9 @@ impl RootSearch<'_> {
         )?;
         let missed = missed_specifications(self.evaluator, &outcome.evaluation);
         let enough = match self.time_needed(longest) {
-            Some(t) => format!("the specification can be met in {t:.0} s"),
-            None => "no test of any length that was tried meets it".to_owned(),
+            Ok(Some(t)) => format!("the specification can be met in {t:.0} s"),
+            Ok(None) => "no test of any length that was tried meets it".to_owned(),
+            Err(e) => format!("a longer test could not be worked out: {e}"),
         };
         let complete = matches!(outcome.status, Status::Converged | Status::Infeasible);
         if complete && outcome.evaluation.score.meets_minimum_separability {
@@ -279,7 +281,7 @@ impl RootSearch<'_> {
     }
 
     /// A time that is enough, within a few per cent of the least.
-    fn time_needed(&self, longest: &Candidate) -> Option<f64> {
+    fn time_needed(&self, longest: &Candidate) -> Result<Option<f64>> {
         let limit = LONGEST_TRIAL * self.problem.total_time_s;
         let starts = (self.problem.starts / 4).max(4);
         let (mut t, mut ratio) = (self.problem.total_time_s, longest.criterion);
@@ -287,11 +289,11 @@ impl RootSearch<'_> {
         while ratio > 1.0 && !self.stop() {
             t *= libm::pow(ratio, 1.0 / POWER).max(1.02);
             if t > limit {
-                return None;
+                return Ok(None);
             }
-            let candidate = self.point(t, starts, std::slice::from_ref(&plan)).ok()?;
+            let candidate = self.point(t, starts, std::slice::from_ref(&plan))?;
             (ratio, plan) = (candidate.criterion, candidate.plan);
         }
-        (ratio <= 1.0).then_some(t)
+        Ok((ratio <= 1.0).then_some(t))
     }
 }

@@ -88,6 +88,7 @@ impl Consistency {
 
 /// The 2.5 % and 97.5 % quantiles of χ² with that many degrees of freedom; none for zero.
 pub fn chi_squared_bounds(degrees_of_freedom: usize) -> Option<[f64; 2]> {
+    // Zero degrees of freedom are all that it refuses.
     let distribution = ChiSquared::new(degrees_of_freedom as f64).ok()?;
     let tail = 0.5 * (1.0 - PROBABILITY);
     Some([

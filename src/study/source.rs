@@ -183,7 +183,7 @@ struct Document<'a> {
 
 impl<'a> Document<'a> {
     fn parse(text: &'a str) -> Result<Self> {
-        let root = DeTable::parse(text).map_err(|e| syntax_error(text, &e))?;
+        let root = DeTable::parse(text).map_err(|e| syntax_error(text, &e).with_source(e))?;
         let root = root.into_inner();
         let mut places = BTreeMap::new();
         visit(text, "", &root, &mut places)?;
@@ -211,8 +211,8 @@ impl<'a> Document<'a> {
     /// Reads one table, if it is there.
     fn table<T: DeserializeOwned>(&mut self, name: &str, into: &mut T) -> Result<()> {
         if let Some(value) = self.root.remove(name) {
-            *into =
-                T::deserialize(ValueDeserializer::from(value)).map_err(|e| self.type_error(&e))?;
+            *into = T::deserialize(ValueDeserializer::from(value))
+                .map_err(|e| self.type_error(&e).with_source(e))?;
         }
         Ok(())
     }

@@ -299,7 +299,9 @@ fn ends_well(case: u64) -> Result<&'static str, String> {
 
 #[test]
 fn every_search_ends_with_a_schedule_or_a_proof() {
-    let only: Option<Vec<u64>> = std::env::var("TMP_CASES").ok().map(|s| s.split(',').map(|x| x.parse().unwrap()).collect());
+    let only: Option<Vec<u64>> = std::env::var("TMP_CASES")
+        .ok()
+        .map(|s| s.split(',').map(|x| x.parse().unwrap()).collect());
     let list: Vec<u64> = only.unwrap_or_else(|| (0..SEARCHES).collect());
     let ends: Vec<_> = list
         .into_par_iter()

@@ -1,6 +1,7 @@
 //! The tables of a page.
 
 use crate::commands::{Segment, clock};
+use crate::compare::Order;
 use crate::platform::Repositioning;
 use crate::report::numbers::{number, optional, seconds, separability};
 use crate::results::{
@@ -495,8 +496,9 @@ pub(super) fn compared_coefficients(d: &ComparisonDocument) -> Table {
 
 /// Name of a compared schedule, with the order of its positions where it is not its own.
 pub(super) fn name(name: &str, order: &str) -> String {
-    match order == crate::compare::Order::Best.name() {
-        true => format!("{name}, best order"),
-        false => name.to_owned(),
+    match Order::from_name(order) {
+        Some(Order::Best) => format!("{name}, best order (proven)"),
+        Some(Order::BestFound) => format!("{name}, best order found"),
+        Some(Order::AsGiven) | None => name.to_owned(),
     }
 }

@@ -206,10 +206,11 @@ fn unknown_column(line: usize, name: &str) -> Error {
 
 /// A number; NaN and infinity are left to the range checks of [`Schedule::new`].
 fn number(cell: &str) -> Result<f64> {
-    cell.parse().map_err(|_| {
+    cell.parse().map_err(|e: std::num::ParseFloatError| {
         let error = Error::input("not a number")
             .with_value(text::shown(cell))
-            .with_allowed("a number");
+            .with_allowed("a number")
+            .with_source(e);
         if cell.contains([';', '"']) {
             error.with_hint(DECIMAL_POINT)
         } else {

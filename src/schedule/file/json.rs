@@ -83,6 +83,7 @@ fn items<'a>(document: &str, positions: &'a RawValue) -> Result<Vec<&'a RawValue
 fn located(document: &str, positions: &RawValue, items: &[&RawValue], error: Error) -> Error {
     let found = error.key().and_then(|key| {
         let (index, field) = position_key(key)?;
+        // It was read before; only where it stands is asked for.
         let record = Record::parse(document, items.get(index)?.get(), "").ok()?;
         record.get(field)
     });
@@ -120,7 +121,9 @@ impl<'a> Record<'a> {
             // Parts were parsed as values before; only the whole document can fail here.
             let message = e.to_string();
             let what = message.split(" at line ").next().unwrap_or(&message);
-            Error::input(format!("not a JSON schedule: {what}")).with_line(e.line().max(1))
+            Error::input(format!("not a JSON schedule: {what}"))
+                .with_line(e.line().max(1))
+                .with_source(e)
         })?;
         Ok(Self {
             document,
@@ -240,7 +243,7 @@ impl<'a> Record<'a> {
             None => Ok(None),
             Some(raw) => serde_json::from_str(raw)
                 .map(Some)
-                .map_err(|_| self.wrong_type(name, raw, "a string")),
+                .map_err(|e| self.wrong_type(name, raw, "a string").with_source(e)),
         }
     }
 }

@@ -26,14 +26,17 @@ fn schedules_are_compared_in_the_same_time() {
         "standard:edges-12",
         "standard:faces-12",
         "--best-order",
+        "--order-steps",
+        "1000",
         "--platform",
         "stand.toml",
     ];
     let shown = desk.done(&args);
     for part in [
         "mine.csv",
-        "edges-12 *",
-        "faces-12 *",
+        "edges-12 +",
+        "faces-12 +",
+        "the best order found: a better one may exist",
         "in spec",
         "D_SZ",
         "9000 s",
@@ -56,11 +59,18 @@ fn schedules_are_compared_in_the_same_time() {
         [
             ("mine.csv", "as-given"),
             ("standard:edges-12", "as-given"),
-            ("standard:edges-12", "best"),
+            ("standard:edges-12", "best-found"),
             ("standard:faces-12", "as-given"),
-            ("standard:faces-12", "best"),
+            ("standard:faces-12", "best-found"),
         ]
     );
+    // Cut short, nothing is called the best.
+    assert!(!shown.contains("best order:"), "{shown}");
+    for k in [2, 4] {
+        assert_eq!(schedules[k]["order_proof"], "step-limit");
+        assert!(schedules[k]["order_steps"].as_u64().unwrap() >= 1000);
+    }
+    assert_eq!(schedules[1]["order_proof"], Value::Null);
     let rms = |k: usize| schedules[k]["rms_sigma_deg_per_h"].as_f64().unwrap();
     // Scaled, the file is the scheme itself, but for the triples of its positions.
     assert!((rms(0) / rms(1) - 1.0).abs() < 0.1);
@@ -81,6 +91,43 @@ fn schedules_are_compared_in_the_same_time() {
         again["rms_sigma_deg_per_h"],
         schedules[2]["rms_sigma_deg_per_h"]
     );
+}
+
+#[test]
+fn a_best_order_is_proven_or_not_called_so() {
+    let desk = Desk::new();
+    let args = ["compare", "standard:faces-6", "--best-order"];
+    let shown = desk.done(&args);
+    for part in [
+        "faces-6 *",
+        "in their best order: all orders were gone through",
+    ] {
+        assert!(shown.contains(part), "{part} in:\n{shown}");
+    }
+    let json = desk.done(&[args.as_slice(), &["--json"]].concat());
+    let document: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(document["schedules"][1]["order"], "best");
+    assert_eq!(document["schedules"][1]["order_proof"], "complete");
+    desk.done(&[args.as_slice(), &["--report", "report.html", "-q"]].concat());
+    let page = desk.text("report.html");
+    assert!(page.contains("faces-6, best order (proven)"));
+
+    let many = ["compare", "standard:cube-18", "--best-order"];
+    let shown = desk.done(&many);
+    assert!(
+        shown.contains("cube-18 +") && shown.contains("of more than"),
+        "{shown}"
+    );
+    let json = desk.done(&[many.as_slice(), &["--json"]].concat());
+    let document: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(document["schedules"][1]["order"], "best-found");
+    assert_eq!(
+        document["schedules"][1]["order_proof"],
+        "too-many-positions"
+    );
+    desk.done(&[many.as_slice(), &["--report", "many.html", "-q"]].concat());
+    let page = desk.text("many.html");
+    assert!(page.contains("cube-18, best order found") && !page.contains("(proven)"));
 }
 
 #[test]

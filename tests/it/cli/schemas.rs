@@ -95,6 +95,9 @@ fn every_document_validates_against_its_schema() {
         "s.csv",
         "standard:axis-24",
         "standard:edges-12",
+        "--best-order",
+        "--order-steps",
+        "500",
         "-p",
         "stand.toml",
     ];

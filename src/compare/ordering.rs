@@ -1,0 +1,506 @@
+//! The order in which given positions are visited.
+//!
+//! The problem: visit each of the positions once, as they are given, and hold each for the same
+//! time: equal dwells that fill the total time, in whole filter periods, the first positions one
+//! period longer where they do not divide, none shorter than the shortest dwell. Orders that save
+//! time on the way so get longer dwells. The best order is the one with the least score.
+//!
+//! [`found`] looks for it by local search; [`tree`] goes through all orders, prefix by prefix, and
+//! proves that there is no better one, as long as there are few enough of them.
+//!
+//! On a stand whose moves take time an attitude can be had by several Euler triples, and which one
+//! is taken decides the way. The positions are those that are quickest in the order given; local
+//! search also looks for orders by the triples that are quickest in *them*
+//! ([`quickest_positions`]). Where one of those is better, it is what is found, and no proof is
+//! claimed for it.
+
+mod found;
+mod tree;
+mod upper;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::attitude::Position;
+use crate::evaluate::Evaluator;
+use crate::motion::{Timeline, quickest_positions};
+use crate::platform::Repositioning;
+use crate::schedule::periods::whole_periods;
+use crate::schedule::{Schedule, ScheduledPosition};
+
+/// Most positions whose orders are gone through.
+pub const MOST_PROVEN: usize = 12;
+
+/// Merits this close count as equal: ln of the criterion.
+const SAME: f64 = 1e-9;
+
+/// Orders that one thread rates at a time.
+const AT_ONCE: usize = 16;
+
+/// What is known of an order that was looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Proof {
+    /// All orders were gone through: none is better by more than a part in 10⁹.
+    Complete,
+    /// Going through all orders would have taken more steps than are made: a better one may exist.
+    StepLimit,
+    /// There are too many positions to go through their orders: a better one may exist.
+    TooManyPositions,
+    /// All orders of the positions as given were gone through, and one that takes some attitudes
+    /// by other Euler triples was found to be better: a better one may exist.
+    OtherTriples,
+}
+
+/// An order that was looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Found {
+    pub schedule: Schedule,
+    pub proof: Proof,
+    /// Steps made towards the proof.
+    pub steps: u64,
+}
+
+/// The problem of the best order.
+#[derive(Debug)]
+struct Orders<'a> {
+    evaluator: &'a Evaluator,
+    positions: Vec<Position>,
+    /// Whether every order takes the triples that are quickest in it, not those of the positions.
+    quickest: bool,
+    total_time_s: f64,
+}
+
+/// An order with its merit, the score; lower is better.
+#[derive(Debug, Clone, PartialEq)]
+struct Rated {
+    merit: f64,
+    order: Vec<usize>,
+}
+
+impl Rated {
+    /// The better of two; of equal ones the first.
+    fn better(self, other: Self) -> Self {
+        match other.merit < self.merit - SAME {
+            true => other,
+            false => self,
+        }
+    }
+}
+
+impl Orders<'_> {
+    /// The order as it is driven; none when it does not fit into the time.
+    fn schedule(&self, order: &[usize]) -> Option<Schedule> {
+        let platform = self.evaluator.platform();
+        let visited: Vec<Position> = order.iter().map(|&k| self.positions[k]).collect();
+        let visited = match self.quickest {
+            true => quickest_positions(platform, &visited),
+            false => visited,
+        };
+        let held = |dwell_s: &[f64]| {
+            let held = visited.iter().zip(dwell_s);
+            held.map(|(p, &dwell_s)| ScheduledPosition::new(*p, dwell_s))
+                .collect::<Vec<_>>()
+        };
+        let no_time = vec![0.0; order.len()];
+        let moving = Timeline::unchecked(platform, held(&no_time).into_iter());
+        let budget_s = self.total_time_s - moving.overhead_s();
+        let dwell_s = vec![budget_s / order.len() as f64; order.len()];
+        let dwell_s = whole_periods(
+            platform.period_s(),
+            self.fewest_periods(),
+            &dwell_s,
+            budget_s,
+        )?;
+        // Angles of a standard scheme and dwells of whole periods make a valid schedule.
+        Schedule::new(held(&dwell_s)).ok()
+    }
+
+    /// Periods of the shortest dwell.
+    fn fewest_periods(&self) -> f64 {
+        let platform = self.evaluator.platform();
+        (platform.shortest_dwell_s() / platform.period_s()).round()
+    }
+
+    /// Those of the orders that can be driven, with their merits.
+    fn rated(&self, orders: &[Vec<usize>]) -> Vec<Rated> {
+        let rate = |some: &[Vec<usize>]| {
+            let platform = self.evaluator.platform();
+            let driven: Vec<_> = some
+                .iter()
+                .filter_map(|order| Some((order, self.schedule(order)?)))
+                .collect();
+            let timelines: Vec<Timeline> = driven
+                .iter()
+                .map(|(_, s)| Timeline::unchecked(platform, s.positions().iter().copied()))
+                .collect();
+            let merits = self.evaluator.merits_by_filter(&timelines);
+            let rated = merits.into_iter().zip(driven);
+            // An order whose merit cannot be computed is not a candidate; that none can is said.
+            rated
+                .filter_map(|(merit, (order, _))| {
+                    let merit = merit.ok().filter(|m| m.is_finite())?;
+                    // To eleven digits, so that equal ones are equal on every machine.
+                    Some(Rated {
+                        merit: (merit * 1e11).round() * 1e-11,
+                        order: order.clone(),
+                    })
+                })
+                .collect::<Vec<_>>()
+        };
+        orders.par_chunks(AT_ONCE).flat_map_iter(rate).collect()
+    }
+}
+
+/// The best order of `positions` by the evaluator's objective; none when no order fits into the
+/// time or has a merit. The same at any number of threads.
+pub(super) fn best_order(
+    evaluator: &Evaluator,
+    positions: &[Position],
+    total_time_s: f64,
+    seed: u64,
+    most_steps: u64,
+) -> Option<Found> {
+    let orders = |quickest: bool| Orders {
+        evaluator,
+        positions: positions.to_vec(),
+        quickest,
+        total_time_s,
+    };
+    let given = orders(false);
+    let found = found::search(&given, seed);
+    let (best, proof, steps) = match positions.len() <= MOST_PROVEN {
+        false => (found, Proof::TooManyPositions, 0),
+        true => {
+            let gone = tree::go_through(&given, found, most_steps);
+            let proof = match gone.complete {
+                true => Proof::Complete,
+                false => Proof::StepLimit,
+            };
+            (gone.best, proof, gone.steps)
+        }
+    };
+    let motion = evaluator.platform().motion();
+    let triples_matter =
+        motion.slew_rate_rad_per_s.is_some() && motion.repositioning == Repositioning::Slew;
+    let by_others = orders(true);
+    let other = match triples_matter {
+        true => found::search(&by_others, seed),
+        false => None,
+    };
+    let better = |other: &Rated| best.as_ref().is_none_or(|b| other.merit < b.merit - SAME);
+    match other.filter(better) {
+        Some(other) => Some(Found {
+            schedule: by_others.schedule(&other.order)?,
+            proof: match proof {
+                Proof::Complete => Proof::OtherTriples,
+                left_open => left_open,
+            },
+            steps,
+        }),
+        None => Some(Found {
+            schedule: given.schedule(&best?.order)?,
+            proof,
+            steps,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::MOST_STEPS;
+    use crate::criterion::Criterion;
+    use crate::evaluate::Objective;
+    use crate::platform::{PlatformConfig, Repositioning};
+    use crate::schedule::standard::StandardScheme;
+
+    fn permutations(count: usize) -> Vec<Vec<usize>> {
+        (0..count).fold(vec![Vec::new()], |shorter, next| {
+            let longer = shorter.iter().flat_map(|order: &Vec<usize>| {
+                (0..=order.len()).map(move |at| {
+                    let mut longer = order.clone();
+                    longer.insert(at, next);
+                    longer
+                })
+            });
+            longer.collect()
+        })
+    }
+
+    fn platforms() -> Vec<PlatformConfig> {
+        let changes: [fn(&mut PlatformConfig); 9] = [
+            |_| {},
+            |c| c.motion.settle_s = 20.0,
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.settle_s = 30.0;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.3);
+                c.motion.return_to_start = true;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.start_deg = Some([20.0, 30.0, -40.0]);
+                c.motion.return_to_start = true;
+                c.motion.settle_s = 7.0;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.gimbals.alpha_deg = Some([-200.0, 270.0]);
+                c.gimbals.beta_deg = Some([-100.0, 100.0]);
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(1.0);
+                c.motion.measure_moves = true;
+            },
+            |c| {
+                c.motion.repositioning = Repositioning::FrameHold;
+                c.motion.settle_s = 10.0;
+            },
+            |c| {
+                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.filter.period_s = 30.0;
+                c.prior.misalignment_deg = crate::platform::AxisValue::All(0.0);
+                c.site.latitude_deg = 80.0;
+            },
+        ];
+        changes
+            .map(|change| {
+                let mut config = PlatformConfig::default();
+                change(&mut config);
+                config
+            })
+            .to_vec()
+    }
+
+    /// Oblique attitudes, axis-aligned ones (some twice, some in gimbal lock) and mixed ones.
+    fn sets() -> Vec<Vec<Position>> {
+        let of = |angles: &[[f64; 3]]| {
+            let positions = angles.iter().map(|a| Position::from_deg(a[0], a[1], a[2]));
+            positions.collect()
+        };
+        vec![
+            of(&[
+                [10.0, 20.0, 30.0],
+                [-70.0, 65.0, 110.0],
+                [150.0, -33.0, -80.0],
+                [35.0, 80.0, 175.0],
+                [-120.0, -50.0, 60.0],
+            ]),
+            of(&[
+                [0.0, 0.0, 0.0],
+                [0.0, 90.0, 0.0],
+                [90.0, 0.0, 90.0],
+                [0.0, 0.0, 0.0],
+                [180.0, 0.0, 0.0],
+                [0.0, -90.0, 90.0],
+            ]),
+            of(&[
+                [0.0, 0.0, 0.0],
+                [45.0, 10.0, 0.0],
+                [90.0, 0.0, 90.0],
+                [180.0, 35.0, 60.0],
+                [0.0, 0.0, 180.0],
+                [-45.0, -60.0, 90.0],
+            ]),
+        ]
+    }
+
+    fn check(orders: &Orders<'_>, what: &str) -> u64 {
+        let all = permutations(orders.positions.len());
+        let exact = orders.rated(&all).into_iter().reduce(Rated::better);
+        let gone = tree::go_through(orders, None, u64::MAX);
+        assert!(gone.complete);
+        match (&exact, &gone.best) {
+            (Some(exact), Some(best)) => {
+                assert!(
+                    (best.merit - exact.merit).abs() < 3.0 * SAME,
+                    "{what}: {best:?} {exact:?}"
+                );
+            }
+            (None, None) => {}
+            _ => panic!("{what}: {exact:?} {:?}", gone.best),
+        }
+        // With a good order known much is left out, and the same comes of it.
+        let known = tree::go_through(orders, exact.clone(), u64::MAX);
+        let merit = |best: &Option<Rated>| best.as_ref().map(|b| b.merit);
+        match (merit(&known.best), merit(&exact)) {
+            (Some(a), Some(b)) => assert!((a - b).abs() < 3.0 * SAME, "{what}: {a} {b}"),
+            (a, b) => assert_eq!(a, b, "{what}"),
+        }
+        known.steps
+    }
+
+    #[test]
+    fn the_best_order_is_that_of_trying_all() {
+        for (k, config) in platforms().into_iter().enumerate() {
+            let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+            for (set, positions) in sets().into_iter().enumerate() {
+                for total_time_s in [2600.0, 6000.0] {
+                    let orders = Orders {
+                        evaluator: &evaluator,
+                        positions: positions.clone(),
+                        quickest: false,
+                        total_time_s,
+                    };
+                    check(
+                        &orders,
+                        &format!("platform {k}, set {set}, {total_time_s} s"),
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn it_is_the_best_by_every_objective() {
+        let objectives = [
+            Objective {
+                criterion: Criterion::D,
+                ..Objective::default()
+            },
+            Objective {
+                criterion: Criterion::E,
+                ..Objective::default()
+            },
+            Objective {
+                separability_weight: 0.5,
+                minimum_separability: 0.1,
+                ..Objective::default()
+            },
+        ];
+        for objective in objectives {
+            let config = platforms().swap_remove(2);
+            let evaluator = Evaluator::new(config.check().unwrap(), objective);
+            for positions in sets() {
+                let orders = Orders {
+                    evaluator: &evaluator,
+                    positions,
+                    quickest: false,
+                    total_time_s: 5000.0,
+                };
+                check(&orders, &format!("{objective:?}"));
+            }
+        }
+    }
+
+    #[test]
+    fn seven_positions_and_few_steps() {
+        let config = platforms().swap_remove(2);
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let mut positions = StandardScheme::Icosahedron12.positions();
+        positions.truncate(7);
+        let orders = Orders {
+            evaluator: &evaluator,
+            positions,
+            quickest: false,
+            total_time_s: 7000.0,
+        };
+        let steps = check(&orders, "seven");
+        // Without bounds every beginning of an order is made: 7 + 7·6 + … + 7! of them and more.
+        assert!(steps < 13_699, "{steps}");
+    }
+
+    fn two_axis(evaluator: &Evaluator) -> Vec<Position> {
+        let scheme = StandardScheme::TwoAxis9;
+        let given = scheme.schedule(12_000.0, evaluator.platform()).unwrap();
+        given.positions().iter().map(|p| p.position).collect()
+    }
+
+    #[test]
+    fn two_axis_9_is_found_from_every_seed() {
+        let config = platforms().swap_remove(2);
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let orders = Orders {
+            evaluator: &evaluator,
+            positions: two_axis(&evaluator),
+            quickest: false,
+            total_time_s: 12_000.0,
+        };
+        let known = orders.rated(&[vec![6, 0, 7, 4, 1, 8, 2, 5, 9, 3]]);
+        let value = |rated: &Rated| rated.merit.exp();
+        assert!((value(&known[0]) - 0.002_273_1).abs() < 5e-8);
+        for seed in 1..=3 {
+            let found = found::search(&orders, seed).unwrap();
+            assert!(value(&found) < 0.002_273_1, "{seed}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_cut_short_claims_no_proof() {
+        let config = platforms().swap_remove(2);
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let positions = sets().swap_remove(0);
+        let of = |most_steps| best_order(&evaluator, &positions, 6000.0, 1, most_steps).unwrap();
+        let (cut, whole) = (of(10), of(MOST_STEPS));
+        assert_eq!(cut.proof, Proof::StepLimit);
+        assert!(matches!(whole.proof, Proof::Complete | Proof::OtherTriples));
+        assert!(cut.steps < whole.steps);
+        let many = StandardScheme::Cube18.positions();
+        let many = best_order(&evaluator, &many, 12_000.0, 1, MOST_STEPS).unwrap();
+        assert_eq!((many.proof, many.steps), (Proof::TooManyPositions, 0));
+    }
+
+    #[test]
+    fn any_number_of_threads_makes_the_same_steps() {
+        let config = platforms().swap_remove(2);
+        let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+        let positions = sets().swap_remove(2);
+        for most_steps in [200, MOST_STEPS] {
+            let [one, three] = [1, 3].map(|threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+                let find = || best_order(&evaluator, &positions, 6000.0, 7, most_steps);
+                pool.unwrap().install(find).unwrap()
+            });
+            assert_eq!(one, three);
+        }
+    }
+
+    #[test]
+    fn zz_schema() {
+        let kind = crate::results::schema::DocumentKind::Comparison;
+        std::fs::write("/tmp/comparison.schema.json", kind.schema().unwrap()).unwrap();
+    }
+
+    #[test]
+    #[ignore = "timing"]
+    fn zz_timing() {
+        for (k, scheme) in [
+            (2, StandardScheme::TwoAxis9),
+            (2, StandardScheme::Rotation9),
+            (0, StandardScheme::TwoAxis9),
+            (0, StandardScheme::Edges12),
+            (2, StandardScheme::Faces12),
+        ] {
+            let config = platforms().swap_remove(k);
+            let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+            let given = scheme.schedule(12_000.0, evaluator.platform()).unwrap();
+            let positions: Vec<_> = given.positions().iter().map(|p| p.position).collect();
+            let orders = Orders {
+                evaluator: &evaluator,
+                positions,
+                quickest: false,
+                total_time_s: 12_000.0,
+            };
+            let t = std::time::Instant::now();
+            let found = found::search(&orders, 1);
+            eprintln!(
+                "{scheme:?} {k} found {:?} {:?}",
+                found.as_ref().map(|f| f.merit.exp()),
+                t.elapsed()
+            );
+            let t = std::time::Instant::now();
+            let gone = tree::go_through(&orders, found, 2_000_000);
+            eprintln!(
+                "   tree {:?} {} {} {:?}",
+                gone.best.as_ref().map(|f| f.merit.exp()),
+                gone.complete,
+                gone.steps,
+                t.elapsed()
+            );
+        }
+    }
+}
