@@ -69,7 +69,6 @@ pub mod evaluate;
 pub mod motion;
 pub mod observability;
 pub mod platform;
-#[cfg(feature = "report")]
 pub mod report;
 pub mod results;
 pub mod schedule;

@@ -45,7 +45,6 @@ use crate::results::{
     SimulationDocument, TOOL_VERSION,
 };
 use crate::schedule::file::to_csv;
-use crate::simulate::consistency::Verdict;
 use blocks::{Block, Page, Section};
 use subject::Subject;
 
@@ -57,7 +56,7 @@ use subject::Subject;
 /// fit this version; [`Error::is_input`] when its inputs are not acceptable.
 pub fn result(document: &ResultDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let mut verdict = accuracy_words(&subject);
+    let mut verdict = accuracy_words(&subject, words::specification);
     verdict.extend(document.certificate.as_ref().map(words::within));
     verdict.extend(gain(&document.baselines));
     verdict.extend(weakness(&subject));
@@ -106,7 +105,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
 /// As [`result`].
 pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let (verdict, standing) = standing(&subject);
+    let (verdict, standing) = standing(&subject, words::specification);
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
@@ -132,8 +131,9 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
 /// As [`result`].
 pub fn simulation(document: &SimulationDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let (mut verdict, standing) = standing(&subject);
-    verdict.insert(1, simulated_words(document));
+    let (planned, standing) = standing(&subject, words::planned_specification);
+    let mut verdict = words::simulated(document);
+    verdict.extend(planned);
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
@@ -154,8 +154,14 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
             svg: pictures::consistency(document),
         },
         Block::Table(tables::simulated(document)),
-        Block::Table(tables::consistency(document)),
     ];
+    let judgement = document.judgement.as_ref();
+    if let Some(check) = judgement.and_then(|j| j.specification.as_ref()) {
+        blocks.push(Block::Table(tables::specification(check)));
+        blocks.push(Block::Text(words::intervals(check)));
+    }
+    blocks.push(Block::Table(tables::consistency(document)));
+    blocks.push(Block::Text(words::BOUNDS.to_owned()));
     if !document.sweep.is_empty() {
         blocks.push(Block::Table(tables::sweep(document)));
     }
@@ -197,8 +203,8 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
     let name = tables::name(&best.name, &best.order);
     let mut verdict = vec![side_by_side(document, best, &name)];
-    verdict.extend(accuracy_words(&subject));
-    let (within, _) = standing(&subject);
+    verdict.extend(accuracy_words(&subject, words::specification));
+    let (within, _) = standing(&subject, words::specification);
     verdict.extend(within.into_iter().skip(verdict.len() - 1));
     let mut blocks = vec![
         Block::Table(tables::compared(document)),
@@ -297,8 +303,11 @@ fn list(sentences: Vec<String>) -> Option<Block> {
     (!sentences.is_empty()).then_some(Block::List(sentences))
 }
 
+/// How a page speaks of the specification.
+type OnSpecification = fn(&EvaluationDocument) -> Option<String>;
+
 /// How accurate, how long, and whether that is enough.
-fn accuracy_words(subject: &Subject) -> Vec<String> {
+fn accuracy_words(subject: &Subject, on_specification: OnSpecification) -> Vec<String> {
     let d = &subject.document;
     let positions = d.schedule.positions.len();
     let largest = d
@@ -328,7 +337,7 @@ fn accuracy_words(subject: &Subject) -> Vec<String> {
             d.score.criterion_unit
         ));
     }
-    words.extend(words::specification(d));
+    words.extend(on_specification(d));
     words
 }
 
@@ -383,7 +392,10 @@ fn search_words(document: &ResultDocument) -> String {
 }
 
 /// Bound and baselines of a schedule that no search has put beside them.
-fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
+fn standing(
+    subject: &Subject,
+    on_specification: OnSpecification,
+) -> (Vec<String>, Vec<Block>) {
     let total_time_s = subject.document.total_time_s;
     let achieved = subject.document.score.criterion;
     let certifier = Certifier::new(subject.study.platform());
@@ -392,7 +404,7 @@ fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
         CertificateRecord::of_criterion(&certifier, objective, total_time_s, achieved);
     let all = baselines(&subject.evaluator, total_time_s);
     let compared = crate::results::compared(&all, &subject.document);
-    let mut verdict = accuracy_words(subject);
+    let mut verdict = accuracy_words(subject, on_specification);
     verdict.push(words::within(&certificate));
     verdict.extend(gain(&compared));
     verdict.extend(weakness(subject));
@@ -403,24 +415,6 @@ fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
         .map(|s| format!("{}: not run, {}", s.name, s.reason));
     blocks.extend(list(skipped.collect()));
     (verdict, blocks)
-}
-
-/// What the runs say of the plan.
-fn simulated_words(d: &SimulationDocument) -> String {
-    let meaning = match d.verdict {
-        Verdict::Consistent => "its errors are as large as it says",
-        Verdict::Optimistic => "its errors are larger than it says",
-        Verdict::Pessimistic => "its errors are smaller than it says",
-    };
-    format!(
-        "Played through {} times, the RMS error is {} °/h, the filter says {} °/h, the plan {} °/h. \
-         The filter is {}: {meaning}.",
-        d.runs,
-        number(d.rms_error_deg_per_h),
-        number(d.rms_sigma_deg_per_h),
-        number(d.rms_planned_sigma_deg_per_h),
-        d.verdict,
-    )
 }
 
 /// Who is best, and by how much.
