@@ -75,6 +75,7 @@ pub mod schedule;
 pub mod search;
 pub mod simulate;
 pub mod study;
+pub mod suspicion;
 pub mod units;
 
 pub use error::{Error, Result};

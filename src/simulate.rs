@@ -301,11 +301,7 @@ impl Simulation {
     /// What the filter makes of a run. `observe` is called after every interval; an iterated
     /// filter goes through the test more than once and starts again at index 0. Gives how far its
     /// last pass moved the estimate, squared and in σ.
-    fn estimate(
-        &self,
-        record: &Record,
-        observe: &mut dyn FnMut(&Step<'_, '_>),
-    ) -> Option<f64> {
+    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
             let filter = Filter::Linear(LinearFilter::new(&self.gains));
             self.pass(record, filter, observe);

@@ -42,7 +42,7 @@ use crate::report::words;
 use crate::results::{
     BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord, ComparisonDocument,
     EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
-    SimulationDocument, TOOL_VERSION,
+    SimulationDocument, TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
 use blocks::{Block, Page, Section};
@@ -95,7 +95,8 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     let command = "scheme-opt search platform.toml --reproducible";
     sections.push(basis(&subject, command, Some(document.seed))?);
     let total = seconds(document.evaluation.total_time_s);
-    page(&format!("Torquing scheme found: {total} s"), sections)
+    let title = format!("Torquing scheme found: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a schedule that was given.
@@ -121,7 +122,8 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
                    --report report.html";
     sections.push(basis(&subject, command, None)?);
     let total = seconds(document.total_time_s);
-    page(&format!("Torquing scheme evaluated: {total} s"), sections)
+    let title = format!("Torquing scheme evaluated: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a simulation.
@@ -186,7 +188,8 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     command.push_str(" --report report.html");
     sections.push(basis(&subject, &command, Some(document.seed))?);
     let total = seconds(document.total_time_s);
-    page(&format!("Torquing scheme simulated: {total} s"), sections)
+    let title = format!("Torquing scheme simulated: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a comparison: side by side, and then the best of them in full.
@@ -239,7 +242,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     sections.push(basis(&subject, &command, None)?);
     page(
         &format!("Torquing schemes compared; best: {name}"),
-        sections,
+        with_warnings(&document.warnings, sections),
     )
 }
 
@@ -278,6 +281,21 @@ pub fn from_json(text: &str) -> Result<String> {
                 .join(", "),
             )),
     }
+}
+
+/// Before everything else, what is hard to believe of the inputs.
+fn with_warnings(warnings: &[WarningRecord], mut sections: Vec<Section>) -> Vec<Section> {
+    let sentences = warnings.iter().map(|w| {
+        let (key, value, message) = (&w.key, &w.value, &w.message);
+        format!("{key} = {value}: {message}.")
+    });
+    if let Some(block) = list(sentences.collect()) {
+        let says = "These inputs are allowed but hard to believe. Nothing that follows is changed \
+                    for that: it holds for the values as they are given.";
+        let blocks = vec![Block::Text(says.to_owned()), block];
+        sections.insert(0, Section::new("warnings", "Check your inputs", blocks));
+    }
+    sections
 }
 
 fn page(title: &str, sections: Vec<Section>) -> Result<String> {
@@ -392,10 +410,7 @@ fn search_words(document: &ResultDocument) -> String {
 }
 
 /// Bound and baselines of a schedule that no search has put beside them.
-fn standing(
-    subject: &Subject,
-    on_specification: OnSpecification,
-) -> (Vec<String>, Vec<Block>) {
+fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String>, Vec<Block>) {
     let total_time_s = subject.document.total_time_s;
     let achieved = subject.document.score.criterion;
     let certifier = Certifier::new(subject.study.platform());

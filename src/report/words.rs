@@ -1,8 +1,6 @@
 //! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
 
-use crate::results::{
-    CertificateRecord, EvaluationDocument, ResultDocument, SimulationDocument,
-};
+use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument, SimulationDocument};
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
@@ -157,7 +155,11 @@ pub fn planned_specification(document: &EvaluationDocument) -> Option<String> {
     let (met, missed) = ("The specification is met", "The specification is not met");
     Some(match planned.strip_prefix(met) {
         Some(rest) => format!("By the plan alone the specification would be met{rest}"),
-        None => planned.replacen(missed, "By the plan alone the specification would not be met", 1),
+        None => planned.replacen(
+            missed,
+            "By the plan alone the specification would not be met",
+            1,
+        ),
     })
 }
 

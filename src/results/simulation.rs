@@ -11,7 +11,7 @@ use crate::simulate::judgement::Judgement;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
 use crate::study::StudyConfig;
 
-use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, finite, to_json};
+use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
@@ -77,6 +77,9 @@ pub struct SimulationDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
@@ -220,6 +223,7 @@ impl SimulationDocument {
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, Some(schedule)),
         }
     }
 

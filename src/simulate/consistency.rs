@@ -101,7 +101,12 @@ impl Consistency {
 
     /// The same average with the bounds that it has when nothing else is looked at.
     pub(super) fn by_itself(&self) -> Option<Self> {
-        Self::new(self.average, self.degrees_of_freedom, self.count, PROBABILITY)
+        Self::new(
+            self.average,
+            self.degrees_of_freedom,
+            self.count,
+            PROBABILITY,
+        )
     }
 
     fn new(

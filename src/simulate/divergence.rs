@@ -111,7 +111,10 @@ impl Divergence {
         let signs = |r: &RunSquares| {
             let finite = r.nees.is_finite() && r.nis.is_finite();
             let shown = [
-                (Sign::NotFinite, !finite || !r.rms_error_deg_per_h.is_finite()),
+                (
+                    Sign::NotFinite,
+                    !finite || !r.rms_error_deg_per_h.is_finite(),
+                ),
                 (Sign::Error, nees.is_beyond(r.nees, r.nees_dof)),
                 (Sign::Residuals, nis.is_beyond(r.nis, r.nis_dof)),
                 (Sign::Unsettled, r.moved.is_some_and(|m| m > UNSETTLED)),
@@ -126,14 +129,19 @@ impl Divergence {
             sum += run.rms_error_deg_per_h.powi(2);
             others += 1;
         }
-        let diverged = || (0..).zip(all.iter().zip(runs)).filter(|(_, (s, _))| !s.is_empty());
+        let diverged = || {
+            (0..)
+                .zip(all.iter().zip(runs))
+                .filter(|(_, (s, _))| !s.is_empty())
+        };
         Self {
             count: runs.len() - others,
             runs: runs.len(),
-            noticed: diverged().filter(|(_, (s, _))| s.iter().any(visible)).count(),
+            noticed: diverged()
+                .filter(|(_, (s, _))| s.iter().any(visible))
+                .count(),
             false_alarm_probability: FALSE_ALARM_PROBABILITY,
-            rms_error_of_the_others_deg_per_h: (others > 0)
-                .then(|| (sum / others as f64).sqrt()),
+            rms_error_of_the_others_deg_per_h: (others > 0).then(|| (sum / others as f64).sqrt()),
             listed: diverged()
                 .take(MOST_LISTED)
                 .map(|(run, (signs, squares))| DivergedRun {
@@ -178,9 +186,8 @@ impl Chance {
     /// Whether a square is larger than chance has it.
     fn is_beyond(&self, square: f64, dof: usize) -> bool {
         // The upper tail itself and not 1 − cdf, which has no digits left out there.
-        ChiSquared::new(dof as f64).is_ok_and(|c| {
-            square.is_finite() && c.sf(square / self.scale) < self.tail
-        })
+        ChiSquared::new(dof as f64)
+            .is_ok_and(|c| square.is_finite() && c.sf(square / self.scale) < self.tail)
     }
 }
 

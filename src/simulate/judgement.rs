@@ -101,8 +101,7 @@ fn diverged(d: &Divergence) -> Vec<String> {
         ),
     };
     let mut sentences = vec![format!(
-        "{} of {} runs diverged, with errors beyond all chance: off {} (RMS of the coefficients){}. \
-         {noticed}",
+        "{} of {} runs diverged, beyond all chance: off {} (RMS of the coefficients){}. {noticed}",
         d.count,
         d.runs,
         listed(&named),
@@ -154,9 +153,7 @@ fn filter(found: &MonteCarlo, verdict: Verdict) -> String {
             "The filter is inconsistent: some of its errors are larger and some smaller than it \
              says"
         }
-        Verdict::Diverged => {
-            "The filter diverged, and what it says of itself cannot be relied on"
-        }
+        Verdict::Diverged => "The filter diverged, and what it says of itself cannot be relied on",
     };
     let numbers: Vec<String> = [
         ("NEES", &found.nees),
@@ -184,6 +181,15 @@ fn against_bounds(name: &str, c: &Consistency) -> String {
         false => number(c.average),
     };
     format!("{name} {average}, expected {low:.decimals$} to {high:.decimals$}")
+}
+
+/// To two digits and no fewer.
+fn rounded_up(count: usize) -> usize {
+    let mut unit = 1;
+    while count / unit >= 100 {
+        unit *= 10;
+    }
+    count.div_ceil(unit) * unit
 }
 
 /// Whether the errors of the runs show that the specification is met.
@@ -216,12 +222,27 @@ fn specified(s: &SpecificationCheck, found: &MonteCarlo) -> String {
         ),
         Decision::NotDecided => {
             let needed = s.runs_needed.map_or_else(String::new, |n| {
-                format!("; about {n} runs would, if the errors stay as they are")
+                format!(
+                    "; about {} would, if the errors stay as they are",
+                    rounded_up(n)
+                )
             });
             format!(
                 "Whether the specification is met is not decided by {runs} runs: {}{needed}.",
                 listed(&of(Decision::NotDecided))
             )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_rounded_up() {
+        for (count, rounded) in [(7, 7), (99, 99), (100, 100), (101, 110), (91_673, 92_000)] {
+            assert_eq!(rounded_up(count), rounded);
         }
     }
 }

@@ -145,16 +145,14 @@ fn decide([low, high]: [f64; 2], spec: f64, any_diverged: bool) -> Decision {
 fn interval_factors(runs: usize, tail: f64) -> Option<[f64; 2]> {
     let chi = ChiSquared::new(runs as f64).ok()?;
     // NaN: no coefficient has a specification.
-    (tail.is_finite()).then(|| {
-        [1.0 - tail, tail].map(|p| (runs as f64 / chi.inverse_cdf(p)).sqrt())
-    })
+    (tail.is_finite())
+        .then(|| [1.0 - tail, tail].map(|p| (runs as f64 / chi.inverse_cdf(p)).sqrt()))
 }
 
 /// How many runs decide about an RMS error that is `ratio` of its specification.
 fn runs_for(ratio: f64, tail: f64) -> Option<usize> {
     let decides = |runs: usize| {
-        interval_factors(runs, tail)
-            .is_some_and(|f| ratio * f[0] > 1.0 || ratio * f[1] <= 1.0)
+        interval_factors(runs, tail).is_some_and(|f| ratio * f[0] > 1.0 || ratio * f[1] <= 1.0)
     };
     let mut enough = 2;
     while !decides(enough) {
@@ -209,7 +207,10 @@ mod tests {
                 let [low, high] = interval_factors(n, 0.002).unwrap();
                 ratio * low > 1.0 || ratio * high <= 1.0
             };
-            assert!(decides(runs) && (runs == 2 || !decides(runs - 1)), "{ratio}: {runs}");
+            assert!(
+                decides(runs) && (runs == 2 || !decides(runs - 1)),
+                "{ratio}: {runs}"
+            );
         }
         assert_eq!(runs_for(1.0, 0.002), None);
     }

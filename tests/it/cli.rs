@@ -11,6 +11,7 @@ mod pages;
 mod refusals;
 mod resume;
 mod schemas;
+mod warnings;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

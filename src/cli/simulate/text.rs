@@ -4,8 +4,8 @@ use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
 use crate::cli::table::render;
 use crate::report::numbers::{number, optional, seconds};
-use crate::results::{SimulationDocument, SweepRecord};
 use crate::report::words;
+use crate::results::{SimulationDocument, SweepRecord};
 use crate::simulate::consistency::Consistency;
 use crate::simulate::{SweepPoint, largest_without_optimism};
 
@@ -154,18 +154,18 @@ fn specification(document: &SimulationDocument) -> String {
             c.name.name().to_owned(),
             number(c.spec_deg_per_h),
             optional(c.rms_error_deg_per_h, number),
-            optional(c.interval_deg_per_h, |[low, high]| {
-                format!("{} to {}", number(low), number(high))
-            }),
+            optional(c.interval_deg_per_h, |[low, _]| number(low)),
+            optional(c.interval_deg_per_h, |[_, high]| number(high)),
             c.decision.to_string(),
         ]
     });
     let columns = [
         ("coefficient", Left),
         ("spec, deg/h", Right),
-        ("RMS error, deg/h", Right),
-        ("1 sigma lies in, deg/h", Right),
-        ("decision", Left),
+        ("RMS error", Right),
+        ("sigma from", Right),
+        ("to", Right),
+        ("specification", Left),
     ];
     let mut text = "\nErrors against the specification\n\n".to_owned();
     text.push_str(&render(columns, rows.collect()));

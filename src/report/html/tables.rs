@@ -3,10 +3,10 @@
 use crate::commands::{Segment, clock};
 use crate::platform::Repositioning;
 use crate::report::numbers::{number, optional, seconds};
+use crate::report::words;
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
 };
-use crate::report::words;
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
@@ -369,9 +369,8 @@ pub(super) fn specification(check: &SpecificationCheck) -> Table {
             c.name.name().to_owned(),
             number(c.spec_deg_per_h),
             optional(c.rms_error_deg_per_h, number),
-            optional(c.interval_deg_per_h, |[low, high]| {
-                format!("{} to {}", number(low), number(high))
-            }),
+            optional(c.interval_deg_per_h, |[low, _]| number(low)),
+            optional(c.interval_deg_per_h, |[_, high]| number(high)),
             c.decision.to_string(),
         ]
     });
@@ -381,8 +380,9 @@ pub(super) fn specification(check: &SpecificationCheck) -> Table {
             "coefficient",
             "specification, °/h",
             "RMS error, °/h",
-            "1σ lies in, °/h",
-            "decision",
+            "1σ from, °/h",
+            "to, °/h",
+            "the specification is",
         ],
         rows.collect(),
     )
@@ -416,13 +416,7 @@ pub(super) fn consistency(d: &SimulationDocument) -> Table {
     }
     Table::new(
         "Consistency of the filter",
-        &[
-            "average of",
-            "expected",
-            "found",
-            "95 % bounds",
-            "it is",
-        ],
+        &["average of", "expected", "found", "95 % bounds", "it is"],
         rows,
     )
 }
