@@ -46,6 +46,8 @@ pub enum Exit {
     Done,
     /// No acceptable schedule: the specification or the limits cannot be met.
     NoSchedule,
+    /// Done, and `simulate --check` found something to doubt.
+    Doubtful,
     /// Usage or input error, or a computation that refused to answer.
     Failed,
     /// Interrupted; the best schedule so far is written.
@@ -57,7 +59,7 @@ impl Exit {
     pub const fn code(self) -> u8 {
         match self {
             Self::Done => 0,
-            Self::NoSchedule => 1,
+            Self::NoSchedule | Self::Doubtful => 1,
             Self::Failed => 2,
             Self::Interrupted => 130,
         }

@@ -33,6 +33,7 @@ use crate::attitude::{Attitude, Position};
 use crate::error::{Error, Result};
 use crate::motion::{Leg, Timeline};
 use crate::platform::Platform;
+use crate::suspicion::WarningRecord;
 use crate::units::{Angle, AngularRate};
 
 /// What the platform does for the time of a command.
@@ -233,6 +234,9 @@ pub struct CommandDocument {
     pub tool_version: String,
     /// The commands in order.
     pub commands: Vec<CommandRecord>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// One command; see [`Command`].
@@ -286,6 +290,7 @@ impl CommandTable {
             schema: COMMANDS_SCHEMA.to_owned(),
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
             commands: self.commands.iter().map(Into::into).collect(),
+            warnings: Vec::new(),
         }
     }
 
@@ -295,7 +300,18 @@ impl CommandTable {
     ///
     /// [`Error::is_numerical`] when it cannot be written as JSON.
     pub fn to_json(&self) -> Result<String> {
-        serde_json::to_string_pretty(&self.document())
+        self.document().to_json()
+    }
+}
+
+impl CommandDocument {
+    /// The document as JSON text.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`] when it cannot be written as JSON.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string_pretty(self)
             .map(|text| text + "\n")
             .map_err(|e| {
                 Error::numerical(format!("the table cannot be written as JSON: {e}")).with_source(e)

@@ -69,13 +69,13 @@ pub mod evaluate;
 pub mod motion;
 pub mod observability;
 pub mod platform;
-#[cfg(feature = "report")]
 pub mod report;
 pub mod results;
 pub mod schedule;
 pub mod search;
 pub mod simulate;
 pub mod study;
+pub mod suspicion;
 pub mod units;
 
 pub use error::{Error, Result};

@@ -1,10 +1,14 @@
 //! Reports: what the other modules compute, as pictures, sentences and pages.
 //!
 //! [`html`] makes a self-contained page from a document; [`figure`] draws diagrams, [`curves`] the
-//! course of a simulated run; [`words`] and [`numbers`] are shared with the command line.
+//! course of a simulated run; [`words`] and [`numbers`] are shared with the command line and the
+//! documents, and are there without the feature `report` too.
 
+#[cfg(feature = "report")]
 pub mod curves;
+#[cfg(feature = "report")]
 pub mod figure;
+#[cfg(feature = "report")]
 pub mod html;
 pub mod numbers;
 pub mod words;

@@ -33,6 +33,7 @@ use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{FrontPoint, SearchOutcome};
 use crate::study::StudyConfig;
+use crate::suspicion;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
     AnalysisDocument, CorrelationRecord, Correlations, NearlyRecord, PiecewiseConstantRecord,
@@ -40,6 +41,7 @@ pub use analysis::{
     WeakRecord,
 };
 
+pub use crate::suspicion::WarningRecord;
 pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
 pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
@@ -68,6 +70,12 @@ pub struct Inputs {
     pub config: StudyConfig,
     /// Keys whose value is the default, in dotted form.
     pub defaulted: Vec<String>,
+}
+
+/// What is hard to believe of the inputs and of a schedule.
+fn warnings(inputs: &Inputs, schedule: Option<&Schedule>) -> Vec<WarningRecord> {
+    let found = suspicion::of(&inputs.config, &inputs.defaulted, schedule);
+    found.iter().map(Into::into).collect()
 }
 
 /// All that is known of a schedule before the test.
@@ -108,6 +116,9 @@ pub struct EvaluationDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// The score: value = covariance_part + separability_part, lower is better.
@@ -268,6 +279,9 @@ pub struct ResultDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// One point of the front of total time against criterion.
@@ -371,6 +385,7 @@ impl EvaluationDocument {
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, Some(schedule)),
         }
     }
 
@@ -508,6 +523,7 @@ impl ResultDocument {
             wall_time_s: wall_time_s.and_then(finite),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, Some(&outcome.schedule)),
         }
     }
 

@@ -61,9 +61,12 @@
 //! linearisation did to the extended filter.
 
 pub mod consistency;
+pub mod divergence;
 mod ekf;
+pub mod judgement;
 mod monte_carlo;
 mod program;
+pub mod specification;
 mod square_root;
 mod sweep;
 mod trajectory;
@@ -296,13 +299,15 @@ impl Simulation {
     }
 
     /// What the filter makes of a run. `observe` is called after every interval; an iterated
-    /// filter goes through the test more than once and starts again at index 0.
-    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) {
+    /// filter goes through the test more than once and starts again at index 0. Gives how far its
+    /// last pass moved the estimate, squared and in σ.
+    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
             let filter = Filter::Linear(LinearFilter::new(&self.gains));
             self.pass(record, filter, observe);
-            return;
+            return None;
         }
+        let mut moved = None;
         let mut filter = ExtendedFilter::new(&self.belief);
         let passes = match self.options.filter {
             FilterModel::Iterated => MOST_PASSES,
@@ -311,13 +316,18 @@ impl Simulation {
         for pass in 1..=passes {
             let Filter::Extended(done) = self.pass(record, Filter::Extended(filter), observe)
             else {
-                return;
+                return None;
             };
-            if pass > 1 && done.deviation() < CONVERGED {
-                return;
+            if pass > 1 {
+                let deviation = done.deviation();
+                moved = Some(deviation);
+                if deviation < CONVERGED {
+                    break;
+                }
             }
             filter = ExtendedFilter::about(&self.belief, done.retraced(&self.program));
         }
+        moved
     }
 
     /// Takes `filter` through the test.

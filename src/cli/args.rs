@@ -16,8 +16,8 @@ const ABOUT: &str =
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    no acceptable schedule: the specification or the limits cannot be met, or a coefficient
-       that counts stays unobservable
+   1    no acceptable schedule: the specification or the limits cannot be met, or a coefficient
+        that counts stays unobservable; or simulate --check was not passed
   2    usage or input error
   130  interrupted; the best schedule so far is written";
 
@@ -312,6 +312,10 @@ pub(super) struct SimulateArgs {
         allow_negative_numbers = true
     )]
     pub told_noise_factor: f64,
+    /// Exit code 1 unless the runs show that all is well: no run diverged, the filter is
+    /// consistent, and the specification, if there is one, is met
+    #[arg(long)]
+    pub check: bool,
     /// Also find out how large a prior misalignment and drift the linearisation bears
     #[arg(long)]
     pub sweep: bool,

@@ -2,6 +2,7 @@
 
 use crate::commands::CommandTable;
 use crate::error::{Error, Result};
+use crate::suspicion;
 
 use super::Exit;
 use super::args::CommandsArgs;
@@ -15,7 +16,13 @@ pub(super) fn run(args: &CommandsArgs, output: Output) -> Result<Exit> {
     let table = CommandTable::new(given.study.platform(), &given.timeline, args.step_deg)
         .map_err(name_option)?;
     let text = match args.common.json {
-        true => table.to_json()?,
+        true => {
+            let (config, defaulted) = (&given.inputs.config, &given.inputs.defaulted);
+            let warnings = suspicion::of(config, defaulted, Some(&given.schedule));
+            let mut document = table.document();
+            document.warnings = warnings.iter().map(Into::into).collect();
+            document.to_json()?
+        }
         false => table.to_csv(),
     };
     match &args.output {

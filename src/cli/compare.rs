@@ -32,7 +32,13 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
     };
     let pool = inputs::thread_pool(&study)?;
     let compared = pool.install(|| compare(&evaluator, &contenders, &terms));
-    let document = ComparisonDocument::new(&compared, &terms, evaluator.objective(), &inputs);
+    let mut document = ComparisonDocument::new(&compared, &terms, evaluator.objective(), &inputs);
+    for contender in &contenders {
+        if let Source::Given(schedule) = &contender.source {
+            inputs::warn_of_schedule(Path::new(&contender.name), schedule, &study, output);
+            document.warn_of(&contender.name, schedule);
+        }
+    }
     let text = match args.common.json {
         true => document.to_json()?,
         false => text(&document),

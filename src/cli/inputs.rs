@@ -7,8 +7,10 @@ use crate::motion::Timeline;
 use crate::results::Inputs;
 use crate::schedule::{Schedule, file};
 use crate::study::{Study, StudySource};
+use crate::suspicion::{self, Warning};
 
 use super::args::{Common, Given};
+use super::output::Output;
 
 /// A value of the study that an option may replace.
 struct Override {
@@ -93,7 +95,12 @@ fn load_and(
             "--time-limit-s",
         ),
     ];
-    checked(source, &overrides, check)
+    checked(
+        source,
+        &overrides,
+        check,
+        Output::new(common.messages.quiet),
+    )
 }
 
 /// A schedule that somebody gave, on the platform it is for.
@@ -108,6 +115,8 @@ pub(super) struct GivenSchedule {
 pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSchedule> {
     let (study, inputs) = load_for_evaluation(given.platform.as_deref(), common)?;
     let (schedule, timeline) = on_platform(&given.schedule, &study)?;
+    let output = Output::new(common.messages.quiet);
+    warn_of_schedule(&given.schedule, &schedule, &study, output);
     Ok(GivenSchedule {
         study,
         inputs,
@@ -129,10 +138,28 @@ pub(super) fn on_platform(path: &Path, study: &Study) -> Result<(Schedule, Timel
     Ok((schedule, timeline))
 }
 
+/// Says what is hard to believe of a schedule that was read from `file`.
+pub(super) fn warn_of_schedule(file: &Path, schedule: &Schedule, study: &Study, output: Output) {
+    warn(
+        &suspicion::of_schedule(schedule, study.config()),
+        Some(file),
+        output,
+    );
+}
+
+/// Says what is hard to believe.
+fn warn(warnings: &[Warning], file: Option<&Path>, output: Output) {
+    let file = file.map_or_else(String::new, |f| format!("{}: ", f.display()));
+    for warning in warnings {
+        output.message(&format!("warning: {file}{warning}"));
+    }
+}
+
 /// The study of `platform` with another total time.
 pub(super) fn load_with_total_time(
     platform: Option<&Path>,
     total_time_s: Option<f64>,
+    output: Output,
 ) -> Result<Study> {
     let mut source = source(platform)?;
     let total_time = put(
@@ -141,7 +168,7 @@ pub(super) fn load_with_total_time(
         "objective.total_time_s",
         "--total-time-s",
     );
-    checked(source, &[total_time], StudySource::check).map(|(study, _)| study)
+    checked(source, &[total_time], StudySource::check, output).map(|(study, _)| study)
 }
 
 /// The threads that the study asks for.
@@ -169,6 +196,7 @@ fn checked(
     mut source: StudySource,
     overrides: &[Override],
     check: Check,
+    output: Output,
 ) -> Result<(Study, Inputs)> {
     for o in overrides.iter().filter(|o| o.given) {
         source.override_key(o.key);
@@ -178,6 +206,12 @@ fn checked(
         config: study.config().clone(),
         defaulted: source.defaulted().to_vec(),
     };
+    let warnings = suspicion::of(&inputs.config, &inputs.defaulted, None);
+    let (of_options, of_file): (Vec<Warning>, Vec<Warning>) = warnings
+        .into_iter()
+        .partition(|w| overrides.iter().any(|o| o.given && o.key == w.key));
+    warn(&of_file, source.file(), output);
+    warn(&of_options, None, output);
     Ok((study, inputs))
 }
 

@@ -76,7 +76,14 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
         true => json,
         false => text::simulation(&document, &swept),
     })?;
-    Ok(Exit::Done)
+    let passed = document.judgement.as_ref().is_some_and(|j| j.passed);
+    Ok(match args.check && !passed {
+        true => {
+            output.message("check: not passed, see the first sentences");
+            Exit::Doubtful
+        }
+        false => Exit::Done,
+    })
 }
 
 /// The files' contents, in the order of [`FILES`].

@@ -23,7 +23,7 @@ pub(super) fn run(args: &StandardArgs, output: Output) -> Result<Exit> {
 
 fn write(name: &str, args: &StandardArgs, output: Output) -> Result<()> {
     let scheme = StandardScheme::from_name(name)?;
-    let study = inputs::load_with_total_time(args.platform.as_deref(), args.total_time_s)?;
+    let study = inputs::load_with_total_time(args.platform.as_deref(), args.total_time_s, output)?;
     let schedule = scheme.schedule(study.objective().total_time_s, study.platform())?;
     let text = match format(args) {
         Format::Json => to_json(&schedule),

@@ -43,10 +43,9 @@ use crate::report::words;
 use crate::results::{
     AnalysisDocument, BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord,
     ComparisonDocument, EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument,
-    SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION,
+    SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
-use crate::simulate::consistency::Verdict;
 use blocks::{Block, Page, Section};
 use subject::Subject;
 
@@ -60,7 +59,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
     let mut verdict = words::preface(document);
     let known = document.evaluation.score.known_before.is_some();
-    verdict.extend(accuracy_words(&subject));
+    verdict.extend(accuracy_words(&subject, words::specification));
     let certificate = document.certificate.as_ref().filter(|_| !known);
     verdict.extend(certificate.map(words::within));
     if !known && document.unobservable.is_acceptable() {
@@ -102,7 +101,8 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     let command = "scheme-opt search platform.toml --reproducible";
     sections.push(basis(&subject, command, Some(document.seed))?);
     let total = seconds(document.evaluation.total_time_s);
-    page(&format!("Torquing scheme found: {total} s"), sections)
+    let title = format!("Torquing scheme found: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a schedule that was given.
@@ -112,7 +112,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
 /// As [`result`].
 pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let (verdict, standing) = standing(&subject);
+    let (verdict, standing) = standing(&subject, words::specification);
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
@@ -128,7 +128,8 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
                    --report report.html";
     sections.push(basis(&subject, command, None)?);
     let total = seconds(document.total_time_s);
-    page(&format!("Torquing scheme evaluated: {total} s"), sections)
+    let title = format!("Torquing scheme evaluated: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a simulation.
@@ -138,8 +139,9 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
 /// As [`result`].
 pub fn simulation(document: &SimulationDocument) -> Result<String> {
     let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
-    let (mut verdict, standing) = standing(&subject);
-    verdict.insert(1, simulated_words(document));
+    let (planned, standing) = standing(&subject, words::planned_specification);
+    let mut verdict = words::simulated(document);
+    verdict.extend(planned);
     let mut sections = vec![Section::new(
         "verdict",
         "Verdict",
@@ -160,8 +162,14 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
             svg: pictures::consistency(document),
         },
         Block::Table(tables::simulated(document)),
-        Block::Table(tables::consistency(document)),
     ];
+    let judgement = document.judgement.as_ref();
+    if let Some(check) = judgement.and_then(|j| j.specification.as_ref()) {
+        blocks.push(Block::Table(tables::specification(check)));
+        blocks.push(Block::Text(words::intervals(check)));
+    }
+    blocks.push(Block::Table(tables::consistency(document)));
+    blocks.push(Block::Text(words::BOUNDS.to_owned()));
     if !document.sweep.is_empty() {
         blocks.push(Block::Table(tables::sweep(document)));
     }
@@ -186,7 +194,8 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     command.push_str(" --report report.html");
     sections.push(basis(&subject, &command, Some(document.seed))?);
     let total = seconds(document.total_time_s);
-    page(&format!("Torquing scheme simulated: {total} s"), sections)
+    let title = format!("Torquing scheme simulated: {total} s");
+    page(&title, with_warnings(&subject.document.warnings, sections))
 }
 
 /// The page of a comparison: side by side, and then the best of them in full.
@@ -203,8 +212,8 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
     let name = tables::name(&best.name, &best.order);
     let mut verdict = vec![side_by_side(document, best, &name)];
-    verdict.extend(accuracy_words(&subject));
-    let (within, _) = standing(&subject);
+    verdict.extend(accuracy_words(&subject, words::specification));
+    let (within, _) = standing(&subject, words::specification);
     verdict.extend(within.into_iter().skip(verdict.len() - 1));
     let mut blocks = vec![
         Block::Table(tables::compared(document)),
@@ -239,7 +248,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     sections.push(basis(&subject, &command, None)?);
     page(
         &format!("Torquing schemes compared; best: {name}"),
-        sections,
+        with_warnings(&document.warnings, sections),
     )
 }
 
@@ -282,6 +291,21 @@ pub fn from_json(text: &str) -> Result<String> {
     }
 }
 
+/// Before everything else, what is hard to believe of the inputs.
+fn with_warnings(warnings: &[WarningRecord], mut sections: Vec<Section>) -> Vec<Section> {
+    let sentences = warnings.iter().map(|w| {
+        let (key, value, message) = (&w.key, &w.value, &w.message);
+        format!("{key} = {value}: {message}.")
+    });
+    if let Some(block) = list(sentences.collect()) {
+        let says = "These inputs are allowed but hard to believe. Nothing that follows is changed \
+                    for that: it holds for the values as they are given.";
+        let blocks = vec![Block::Text(says.to_owned()), block];
+        sections.insert(0, Section::new("warnings", "Check your inputs", blocks));
+    }
+    sections
+}
+
 fn page(title: &str, sections: Vec<Section>) -> Result<String> {
     let page = Page {
         title: title.to_owned(),
@@ -317,8 +341,11 @@ fn list(sentences: Vec<String>) -> Option<Block> {
     (!sentences.is_empty()).then_some(Block::List(sentences))
 }
 
+/// How a page speaks of the specification.
+type OnSpecification = fn(&EvaluationDocument) -> Option<String>;
+
 /// How accurate, how long, and whether that is enough.
-fn accuracy_words(subject: &Subject) -> Vec<String> {
+fn accuracy_words(subject: &Subject, on_specification: OnSpecification) -> Vec<String> {
     let d = &subject.document;
     let positions = d.schedule.positions.len();
     let largest = d
@@ -348,7 +375,7 @@ fn accuracy_words(subject: &Subject) -> Vec<String> {
             d.score.criterion_unit
         ));
     }
-    words.extend(words::specification(d));
+    words.extend(on_specification(d));
     words
 }
 
@@ -403,7 +430,7 @@ fn search_words(document: &ResultDocument) -> String {
 }
 
 /// Bound and baselines of a schedule that no search has put beside them.
-fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
+fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String>, Vec<Block>) {
     let total_time_s = subject.document.total_time_s;
     let achieved = subject.document.score.criterion;
     let certifier = Certifier::new(subject.study.platform());
@@ -412,7 +439,7 @@ fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
         CertificateRecord::of_criterion(&certifier, objective, total_time_s, achieved);
     let all = baselines(&subject.evaluator, total_time_s);
     let compared = crate::results::compared(&all, &subject.document);
-    let mut verdict = accuracy_words(subject);
+    let mut verdict = accuracy_words(subject, on_specification);
     match words::known_before(&subject.document) {
         Some(known) => verdict.push(known),
         None => {
@@ -428,24 +455,6 @@ fn standing(subject: &Subject) -> (Vec<String>, Vec<Block>) {
         .map(|s| format!("{}: not run, {}", s.name, s.reason));
     blocks.extend(list(skipped.collect()));
     (verdict, blocks)
-}
-
-/// What the runs say of the plan.
-fn simulated_words(d: &SimulationDocument) -> String {
-    let meaning = match d.verdict {
-        Verdict::Consistent => "its errors are as large as it says",
-        Verdict::Optimistic => "its errors are larger than it says",
-        Verdict::Pessimistic => "its errors are smaller than it says",
-    };
-    format!(
-        "Played through {} times, the RMS error is {} °/h, the filter says {} °/h, the plan {} °/h. \
-         The filter is {}: {meaning}.",
-        d.runs,
-        number(d.rms_error_deg_per_h),
-        number(d.rms_sigma_deg_per_h),
-        number(d.rms_planned_sigma_deg_per_h),
-        d.verdict,
-    )
 }
 
 /// Who is best, and by how much.

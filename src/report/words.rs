@@ -1,7 +1,9 @@
 //! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
 
 use crate::drift::DriftCoefficient;
-use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument};
+use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument, SimulationDocument};
+use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::specification::SpecificationCheck;
 
 use super::numbers::{number, seconds, separability};
 
@@ -180,6 +182,59 @@ pub fn observability(document: &EvaluationDocument) -> String {
         o.unknowns,
         o.unobservable.join("; ")
     )
+}
+
+/// What simulated runs say: the sentences of their judgement.
+pub fn simulated(document: &SimulationDocument) -> Vec<String> {
+    match &document.judgement {
+        Some(judgement) => judgement.sentences.clone(),
+        None => vec![format!(
+            "Over all {} runs the RMS error is {} deg/h, the plan {} deg/h. The version that wrote \
+             this document did not look for runs that diverged: simulate again to know.",
+            document.runs,
+            number(document.rms_error_deg_per_h),
+            number(document.rms_planned_sigma_deg_per_h),
+        )],
+    }
+}
+
+/// Where an average lies, beside its bounds.
+pub fn place(c: &Consistency) -> &'static str {
+    match c.verdict {
+        Verdict::Consistent => "within",
+        Verdict::Pessimistic => "below",
+        _ => "above",
+    }
+}
+
+/// How the bounds of a simulation's averages are to be read.
+pub const BOUNDS: &str = "All three averages at the end lie within their bounds in 95 of 100 \
+    simulations of a consistent filter; they make the verdict. Those of the positions are taken \
+    each by itself: one in twenty is outside by chance.";
+
+/// How the intervals of a simulation's errors are to be read.
+pub fn intervals(check: &SpecificationCheck) -> String {
+    format!(
+        "All these intervals hold the 1 sigma of the error together with {:.0} % certainty, if the \
+         errors are of one normal distribution (chi-square). Met: the whole interval is within \
+         the specification, and no run diverged.",
+        100.0 * check.probability
+    )
+}
+
+/// What the plan says of the specification, for a page on which a simulation decides; none without
+/// a specification.
+pub fn planned_specification(document: &EvaluationDocument) -> Option<String> {
+    let planned = specification(document)?;
+    let (met, missed) = ("The specification is met", "The specification is not met");
+    Some(match planned.strip_prefix(met) {
+        Some(rest) => format!("By the plan alone the specification would be met{rest}"),
+        None => planned.replacen(
+            missed,
+            "By the plan alone the specification would not be met",
+            1,
+        ),
+    })
 }
 
 /// Whether the specification is met and when; none without a specification.

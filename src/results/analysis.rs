@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, finite, to_json};
+use super::{Inputs, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::Evaluation;
@@ -66,6 +66,9 @@ pub struct AnalysisDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// Order of a state, or of a combination of states.
@@ -351,6 +354,7 @@ impl AnalysisDocument {
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, Some(schedule)),
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, criterion_unit, finite, to_json};
+use super::{Inputs, TOOL_VERSION, WarningRecord, criterion_unit, finite, to_json, warnings};
 use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
@@ -59,6 +59,9 @@ pub struct BoundDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// One number for each channel.
@@ -108,6 +111,7 @@ impl BoundDocument {
             remarks: bound.remarks.clone(),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, None),
         }
     }
 

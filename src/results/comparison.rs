@@ -2,13 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, ScheduleDocument, TOOL_VERSION, criterion_unit, finite, to_json};
+use super::{
+    Inputs, ScheduleDocument, TOOL_VERSION, WarningRecord, criterion_unit, finite, to_json,
+    warnings,
+};
 use crate::compare::{Compared, Proof, Terms};
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
 use crate::study::StudyConfig;
+use crate::suspicion;
 
 /// Name and major version of the [`ComparisonDocument`].
 pub const COMPARISON_SCHEMA: &str = "scheme-opt/comparison/1";
@@ -36,6 +40,9 @@ pub struct ComparisonDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// What one schedule reaches.
@@ -158,7 +165,18 @@ impl ComparisonDocument {
             skipped,
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, None),
         }
+    }
+
+    /// Adds what is hard to believe of `schedule` as it was given under `name`. Scaled to the total
+    /// time, dwells in minutes would pass.
+    pub fn warn_of(&mut self, name: &str, schedule: &Schedule) {
+        let found = suspicion::of_schedule(schedule, &self.inputs);
+        self.warnings.extend(found.iter().map(|w| WarningRecord {
+            key: format!("{name}: {}", w.key),
+            ..w.into()
+        }));
     }
 
     /// The document as JSON text.

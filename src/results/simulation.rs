@@ -7,10 +7,11 @@ use crate::error::Result;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::judgement::Judgement;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
 use crate::study::StudyConfig;
 
-use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, finite, to_json};
+use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
@@ -37,8 +38,12 @@ pub struct SimulationDocument {
     pub told_accelerometer_factor: f64,
     /// Random drift told to the filter, as a factor of the true one.
     pub told_random_drift_factor: f64,
-    /// What the NEES over all states says of the filter at the end.
+    /// What is to be thought of the filter: the verdict of `judgement`.
     pub verdict: Verdict,
+    /// The verdict with its numbers and in sentences; absent in documents of versions that did
+    /// not look for runs that diverged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judgement: Option<Judgement>,
     /// √(mean over the coefficients of the squared RMS errors), °/h.
     pub rms_error_deg_per_h: f64,
     /// √(mean over the coefficients of the filter's variances), °/h.
@@ -51,7 +56,9 @@ pub struct SimulationDocument {
     pub misalignment: Vec<SimulatedMisalignment>,
     /// Where 95 of 100 ratios of a consistent filter lie.
     pub ratio_bounds: [f64; 2],
-    /// NEES over all states at the end; null when everything is known exactly.
+    /// NEES over all states at the end; null when everything is known exactly. The bounds of this
+    /// and the next two are such that all three of a consistent filter are within in 95 of 100
+    /// simulations.
     pub nees: Option<Consistency>,
     /// NEES over the coefficients at the end.
     pub nees_coefficients: Option<Consistency>,
@@ -70,6 +77,9 @@ pub struct SimulationDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// Values of the inputs that are allowed but hard to believe; left out when there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<WarningRecord>,
 }
 
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
@@ -124,9 +134,12 @@ pub struct SweepRecord {
     pub misalignment_deg: f64,
     /// Factor on the prior 1σ of the drift coefficients.
     pub drift_factor: f64,
-    /// NEES over all states at the end; null when a run diverged.
+    /// NEES over all states at the end; null when it is not finite.
     pub nees: Option<Consistency>,
-    /// RMS error over the coefficients, °/h; null when a run diverged.
+    /// How many runs diverged.
+    #[serde(default)]
+    pub diverged_runs: usize,
+    /// RMS error over the coefficients, °/h; null when it is not finite.
     pub rms_error_deg_per_h: Option<f64>,
     /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
     pub rms_largest_misalignment_deg: f64,
@@ -138,6 +151,7 @@ impl From<&SweepPoint> for SweepRecord {
             misalignment_deg: point.size.misalignment_deg,
             drift_factor: point.size.drift_factor,
             nees: point.nees.filter(|n| n.average.is_finite()),
+            diverged_runs: point.diverged_runs,
             rms_error_deg_per_h: finite(point.rms_error_deg_per_h),
             rms_largest_misalignment_deg: point.rms_largest_misalignment_deg,
         }
@@ -145,7 +159,8 @@ impl From<&SweepPoint> for SweepRecord {
 }
 
 impl SimulationDocument {
-    /// The document of `found`, a simulation of `schedule` with `options`.
+    /// The document of `found`, a simulation of `schedule` with `options`, judged by the
+    /// specification in `inputs`.
     pub fn new(
         found: &MonteCarlo,
         options: &SimulationOptions,
@@ -175,6 +190,8 @@ impl SimulationDocument {
             nees: p.nees,
             nees_coefficients: p.nees_coefficients,
         };
+        let spec = inputs.config.objective.spec_deg_per_h.as_vector();
+        let judgement = Judgement::new(found, spec.as_ref());
         Self {
             schema: SIMULATION_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
@@ -185,7 +202,8 @@ impl SimulationDocument {
             filter: options.filter.name().to_owned(),
             told_accelerometer_factor: options.told.accelerometer_factor,
             told_random_drift_factor: options.told.random_drift_factor,
-            verdict: found.verdict(),
+            verdict: judgement.verdict,
+            judgement: Some(judgement),
             rms_error_deg_per_h: found.rms_error_deg_per_h(),
             rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
             rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
@@ -205,6 +223,7 @@ impl SimulationDocument {
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            warnings: warnings(inputs, Some(schedule)),
         }
     }
 

@@ -4,7 +4,9 @@
 //!
 //! The sum of N independent χ² statistics with m degrees of freedom is χ² with N m. The average
 //! of a consistent filter lies between the 2.5 % and the 97.5 % quantile of that, divided by N,
-//! in 95 of 100 experiments, and outside in the other five.
+//! in 95 of 100 experiments, and outside in the other five. Where several averages together make
+//! one verdict, their bounds are wider, so that all of them lie within in 95 of 100 experiments
+//! (Bonferroni's inequality).
 
 use std::fmt;
 
@@ -25,6 +27,11 @@ pub enum Verdict {
     Optimistic,
     /// Errors are smaller: the filter knows more than it claims.
     Pessimistic,
+    /// Some averages are larger and some smaller than the filter says: its model is wrong.
+    Inconsistent,
+    /// The filter lost the platform in some run, see [`divergence`](super::divergence): whatever
+    /// averages say, it cannot be relied on.
+    Diverged,
 }
 
 impl fmt::Display for Verdict {
@@ -33,6 +40,8 @@ impl fmt::Display for Verdict {
             Self::Consistent => "consistent",
             Self::Optimistic => "optimistic",
             Self::Pessimistic => "pessimistic",
+            Self::Inconsistent => "inconsistent",
+            Self::Diverged => "diverged",
         })
     }
 }
@@ -47,10 +56,18 @@ pub struct Consistency {
     pub degrees_of_freedom: usize,
     /// How many statistics are averaged.
     pub count: usize,
-    /// Lower and upper bound of the average, 95 % between them.
+    /// Lower and upper bound of the average.
     pub bounds: [f64; 2],
+    /// Probability with which the average of a consistent filter lies between them.
+    #[serde(default = "alone")]
+    pub probability: f64,
     /// What that says.
     pub verdict: Verdict,
+}
+
+/// The probability of bounds in documents that do not say it.
+fn alone() -> f64 {
+    PROBABILITY
 }
 
 impl Consistency {
@@ -66,8 +83,39 @@ impl Consistency {
     /// assert_eq!(Consistency::of_sum(2000.0, 15, 100).unwrap().verdict, Verdict::Optimistic);
     /// ```
     pub fn of_sum(sum: f64, degrees_of_freedom: usize, count: usize) -> Option<Self> {
-        let bounds = chi_squared_bounds(degrees_of_freedom * count)?.map(|q| q / count as f64);
+        Self::of_sum_among(1, sum, degrees_of_freedom, count)
+    }
+
+    /// The same for one of `among` averages that a consistent filter has all within their bounds
+    /// in 95 of 100 experiments.
+    pub fn of_sum_among(
+        among: usize,
+        sum: f64,
+        degrees_of_freedom: usize,
+        count: usize,
+    ) -> Option<Self> {
         let average = sum / count as f64;
+        let probability = 1.0 - (1.0 - PROBABILITY) / among as f64;
+        Self::new(average, degrees_of_freedom, count, probability)
+    }
+
+    /// The same average with the bounds that it has when nothing else is looked at.
+    pub(super) fn by_itself(&self) -> Option<Self> {
+        Self::new(
+            self.average,
+            self.degrees_of_freedom,
+            self.count,
+            PROBABILITY,
+        )
+    }
+
+    fn new(
+        average: f64,
+        degrees_of_freedom: usize,
+        count: usize,
+        probability: f64,
+    ) -> Option<Self> {
+        let bounds = quantiles(degrees_of_freedom * count, probability)?.map(|q| q / count as f64);
         // NaN, from a run that lost itself altogether, is anything but consistent.
         let verdict = if average < bounds[0] {
             Verdict::Pessimistic
@@ -81,6 +129,7 @@ impl Consistency {
             degrees_of_freedom,
             count,
             bounds,
+            probability,
             verdict,
         })
     }
@@ -88,9 +137,14 @@ impl Consistency {
 
 /// The 2.5 % and 97.5 % quantiles of χ² with that many degrees of freedom; none for zero.
 pub fn chi_squared_bounds(degrees_of_freedom: usize) -> Option<[f64; 2]> {
+    quantiles(degrees_of_freedom, PROBABILITY)
+}
+
+/// The quantiles of χ² with `probability` between them and as much on either side.
+fn quantiles(degrees_of_freedom: usize, probability: f64) -> Option<[f64; 2]> {
     // Zero degrees of freedom are all that it refuses.
     let distribution = ChiSquared::new(degrees_of_freedom as f64).ok()?;
-    let tail = 0.5 * (1.0 - PROBABILITY);
+    let tail = 0.5 * (1.0 - probability);
     Some([
         distribution.inverse_cdf(tail),
         distribution.inverse_cdf(1.0 - tail),
@@ -129,6 +183,17 @@ mod tests {
             assert!((f / e - 1.0).abs() < 1e-6);
         }
         assert_eq!(chi_squared_bounds(0), None);
+    }
+
+    #[test]
+    fn bounds_among_others_are_wider() {
+        let alone = Consistency::of_sum(15.0 * 100.0, 15, 100).unwrap();
+        let among = Consistency::of_sum_among(3, 15.0 * 100.0, 15, 100).unwrap();
+        assert!(among.bounds[0] < alone.bounds[0] && alone.bounds[1] < among.bounds[1]);
+        assert_eq!(alone.probability, PROBABILITY);
+        assert!((1.0 - among.probability - 0.05 / 3.0).abs() < 1e-15);
+        // 1500 − 2.394 √3000 and the same above, to the skewness of χ².
+        assert!((among.bounds[0] - 13.72).abs() < 0.03 && (among.bounds[1] - 16.34).abs() < 0.03);
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub struct SweepPoint {
     pub size: PriorSize,
     /// NEES over all states at the end of the test.
     pub nees: Option<Consistency>,
+    /// How many runs diverged.
+    pub diverged_runs: usize,
     /// RMS error over the coefficients, °/h.
     pub rms_error_deg_per_h: f64,
     /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
@@ -49,7 +51,8 @@ pub fn sweep(
         let found = Simulation::new(&sized, timeline, options)?.monte_carlo(runs, seed)?;
         Ok(SweepPoint {
             size: *size,
-            nees: found.nees,
+            nees: found.nees.and_then(|n| n.by_itself()),
+            diverged_runs: found.divergence.count,
             rms_error_deg_per_h: found.rms_error_deg_per_h(),
             rms_largest_misalignment_deg: found.rms_largest_misalignment_deg,
         })
@@ -58,7 +61,7 @@ pub fn sweep(
 }
 
 /// The last of `points`, in rising order of size, before the first at which the filter claims
-/// more than it knows; none when it does from the start.
+/// more than it knows or loses the platform in a run; none when it does from the start.
 ///
 /// The 95 % bounds leave one experiment in twenty outside by luck, and the points share their
 /// random numbers. So what counts here is an average above its expected value by more than twice
@@ -70,7 +73,7 @@ pub fn largest_without_optimism(points: &[SweepPoint]) -> Option<&SweepPoint> {
     };
     points
         .iter()
-        .take_while(|p| p.nees.as_ref().is_none_or(bears))
+        .take_while(|p| p.diverged_runs == 0 && p.nees.as_ref().is_none_or(bears))
         .last()
 }
 

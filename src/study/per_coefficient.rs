@@ -78,6 +78,11 @@ impl PerCoefficient {
         values
     }
 
+    /// One value per coefficient, infinite where there is none; `None` when there is none at all.
+    pub(crate) fn as_vector(&self) -> Option<CoefficientVector> {
+        (!self.is_empty()).then(|| self.filled(f64::INFINITY))
+    }
+
     /// As specifications: one per coefficient, °/h (per g), infinite where there is none;
     /// `None` when there is none at all.
     pub(super) fn check_spec(&self) -> Result<Option<CoefficientVector>> {
@@ -91,7 +96,7 @@ impl PerCoefficient {
                 "greater than 0, to 1e12",
             )?;
         }
-        Ok((!self.is_empty()).then(|| self.filled(f64::INFINITY)))
+        Ok(self.as_vector())
     }
 
     /// As weights: one per coefficient, 1 where there is none; not all zero.

@@ -12,6 +12,7 @@ mod refusals;
 mod resume;
 mod schemas;
 mod verdicts;
+mod warnings;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

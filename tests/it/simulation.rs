@@ -8,6 +8,9 @@ use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};
 use scheme_opt::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::simulate::consistency::Verdict;
+use scheme_opt::simulate::divergence::Sign;
+use scheme_opt::simulate::judgement::Judgement;
+use scheme_opt::simulate::specification::Decision;
 use scheme_opt::simulate::{
     FilterModel, InitialTruth, MonteCarlo, PriorSize, Simulation, SimulationOptions, ToldNoise,
     Trajectory, TruthModel, TruthNoise, largest_without_optimism, sweep,
@@ -28,6 +31,28 @@ const OPTIMISED: [[f64; 4]; 10] = [
     [96.299, -47.824, -137.111, 1480.0],
     [76.705, -33.997, 12.268, 1300.0],
 ];
+
+/// Twelve oblique positions that a search finds: RMS σ 0.000905 °/h in 12 000 s.
+const TWELVE: [[f64; 4]; 12] = [
+    [61.525, 52.849, 52.47, 1110.0],
+    [-91.26, -28.592, -113.52, 1320.0],
+    [112.563, -135.004, -114.714, 1400.0],
+    [-3.559, 29.156, -154.064, 980.0],
+    [15.391, 58.355, -177.46, 480.0],
+    [29.792, 75.189, 165.819, 810.0],
+    [-9.084, 56.785, 86.579, 470.0],
+    [-179.145, 147.29, -116.873, 1040.0],
+    [61.792, -38.713, -155.569, 1120.0],
+    [150.49, -70.756, 152.28, 780.0],
+    [83.706, -16.487, 32.895, 1210.0],
+    [-54.468, 41.354, -128.71, 1280.0],
+];
+
+fn twelve() -> Schedule {
+    let position =
+        |[a, b, g, dwell]: [f64; 4]| ScheduledPosition::new(Position::from_deg(a, b, g), dwell);
+    Schedule::new(TWELVE.map(position).to_vec()).unwrap()
+}
 
 fn optimised() -> Schedule {
     let position =
@@ -204,6 +229,84 @@ fn errors_are_as_large_as_the_filter_says() {
     }
 }
 
+/// One run in a hundred goes to a wrong solution, and its filter is as sure of it as ever: the RMS
+/// error is 15 000 times the plan, the σ of the filter are those of the plan.
+#[test]
+fn a_diverged_run_is_counted_and_nothing_is_met() {
+    let platform = platform(4.0, |_| {});
+    let simulation = simulation(&platform, &twelve(), SimulationOptions::default());
+    let found = simulation.monte_carlo(100, 1).unwrap();
+    let spec = CoefficientVector::repeat(0.005);
+    let judged = Judgement::new(&found, Some(&spec));
+    println!("{:#?}", judged.sentences);
+    assert_eq!(found.divergence.count, 1);
+    let lost = &found.divergence.listed[0];
+    assert_eq!(lost.run, 94);
+    assert!(lost.signs.contains(&Sign::Error) && lost.signs.contains(&Sign::Residuals));
+    assert!(lost.rms_error_deg_per_h.unwrap() > 100.0);
+    assert!(found.rms_error_deg_per_h() > 10.0 && found.rms_sigma_deg_per_h() < 0.002);
+    assert!(found.divergence.rms_error_of_the_others_deg_per_h.unwrap() < 0.002);
+    assert_eq!((judged.verdict, judged.passed), (Verdict::Diverged, false));
+    assert_eq!(judged.specification.unwrap().decision, Decision::NotMet);
+    assert!(judged.sentences[0].starts_with("1 of 100 runs diverged"));
+    for sentence in &judged.sentences {
+        let says_well = ["is met:", "is consistent", "as planned"];
+        assert!(
+            !says_well.iter().any(|w| sentence.contains(w)),
+            "{sentence}"
+        );
+    }
+    // The run can be looked at by its number.
+    let trajectory = simulation.trajectory(&simulation.draw(1, lost.run), 1, lost.run);
+    assert!(trajectory.samples.last().unwrap().nees > 1e6);
+}
+
+/// The default platform with the extended filter: a fifth of the runs never gets over its first
+/// points of linearisation.
+#[test]
+fn the_extended_filter_diverges_on_the_default_platform() {
+    let options = with(TruthModel::Nonlinear, FilterModel::Extended);
+    let simulation = simulation(&platform(1.0, |_| {}), &twelve(), options);
+    let found = simulation.monte_carlo(100, 5).unwrap();
+    let d = &found.divergence;
+    println!("{d:?}");
+    assert!((10..30).contains(&d.count), "{}", d.count);
+    assert!(d.noticed < d.count);
+    assert_eq!(found.verdict(), Verdict::Diverged);
+    // The specification that the other runs keep is not shown to be met by all.
+    let spec = CoefficientVector::repeat(1.0);
+    let judged = Judgement::new(&found, Some(&spec));
+    assert_eq!(judged.specification.unwrap().decision, Decision::NotDecided);
+}
+
+#[test]
+fn the_specification_is_decided_by_the_errors_of_the_runs() {
+    let found = monte_carlo(1.0, 100, SimulationOptions::default());
+    let rms = found.coefficients.map(|c| c.rms_error);
+    for (times, decision) in [
+        (2.0, Decision::Met),
+        (1.1, Decision::NotDecided),
+        (0.95, Decision::NotDecided),
+        (0.5, Decision::NotMet),
+    ] {
+        let spec = CoefficientVector::from_fn(|i, _| times * rms[i]);
+        let judged = Judgement::new(&found, Some(&spec));
+        let check = judged.specification.unwrap();
+        assert_eq!(check.decision, decision, "{times}");
+        assert_eq!(check.coefficients.len(), COEFFICIENTS);
+        assert_eq!(judged.passed, decision == Decision::Met);
+        let needed = check.runs_needed;
+        assert_eq!(needed.is_some(), decision == Decision::NotDecided);
+        assert!(needed.is_none_or(|n| n > 100), "{needed:?}");
+    }
+    let mut one = CoefficientVector::repeat(f64::INFINITY);
+    assert_eq!(Judgement::new(&found, Some(&one)).specification, None);
+    one[3] = 1.0;
+    let check = Judgement::new(&found, Some(&one)).specification.unwrap();
+    assert_eq!(check.coefficients[0].name, DriftCoefficient::IX);
+    assert_eq!(Judgement::new(&found, None).specification, None);
+}
+
 #[test]
 fn a_filter_told_a_third_of_the_noise_is_found_out() {
     for (truth, filter) in [
@@ -218,6 +321,8 @@ fn a_filter_told_a_third_of_the_noise_is_found_out() {
         let nees = found.nees.unwrap();
         println!("{truth:?}, a third: NEES {:.1}", nees.average);
         assert_eq!(found.verdict(), Verdict::Optimistic);
+        // All runs are wrong alike: none diverged.
+        assert_eq!(found.divergence.count, 0);
         // Nine times the variance, in all that the test determines.
         assert!((nees.average / (9.0 * 15.0) - 1.0).abs() < 0.1);
         assert_eq!(found.nis.unwrap().verdict, Verdict::Optimistic);
@@ -483,6 +588,74 @@ mod command {
         }
         let document: Value = serde_json::from_str(&read("simulation.json")).unwrap();
         assert_eq!(document["schema"], "scheme-opt/simulation/1");
+    }
+
+    /// Terminal, document and report say the same, and the exit code agrees.
+    #[test]
+    fn simulate_has_one_verdict_everywhere() {
+        let desk = tempfile::tempdir().unwrap();
+        let with = |name: &str, spec: &str| {
+            let text = format!("[objective.spec_deg_per_h]\ndefault = {spec}\n");
+            std::fs::write(desk.path().join(name), text).unwrap();
+        };
+        with("loose.toml", "0.1");
+        with("strict.toml", "0.0001");
+        for (platform, factor, code, says, never) in [
+            ("loose.toml", "1", 0, "The specification is met", "not met"),
+            (
+                "strict.toml",
+                "1",
+                1,
+                "The specification is not met",
+                "is met",
+            ),
+            (
+                "loose.toml",
+                "0.3",
+                1,
+                "The filter is optimistic",
+                "consistent:",
+            ),
+        ] {
+            let args = [
+                "-p",
+                platform,
+                "--told-noise-factor",
+                factor,
+                "--runs",
+                "40",
+                "--check",
+            ];
+            let flat = |run: &Output| {
+                let text = String::from_utf8(run.stdout.clone()).unwrap();
+                text.split_whitespace().collect::<Vec<_>>().join(" ")
+            };
+            let run = simulate(desk.path(), &[&args[..], &["--report", "r.html"]].concat());
+            assert_eq!(run.status.code(), Some(code), "{platform} {factor}");
+            let terminal = flat(&run);
+            let page = std::fs::read_to_string(desk.path().join("r.html")).unwrap();
+            let run = simulate(desk.path(), &[&args[..], &["--json"]].concat());
+            assert_eq!(run.status.code(), Some(code));
+            let document: Value = serde_json::from_slice(&run.stdout).unwrap();
+            assert_eq!(document["verdict"], document["judgement"]["verdict"]);
+            assert_eq!(document["judgement"]["passed"], code == 0);
+            let sentences = document["judgement"]["sentences"].as_array().unwrap();
+            let mut all = String::new();
+            for sentence in sentences {
+                let sentence = sentence.as_str().unwrap();
+                assert!(terminal.contains(sentence), "{sentence}\n{terminal}");
+                assert!(
+                    page.contains(&sentence.replace("deg/h", "°/h")),
+                    "{sentence}"
+                );
+                all += sentence;
+            }
+            assert!(all.contains(says) && !all.contains(never), "{all}");
+            // What the plan says of the specification is told from what the runs show.
+            assert!(page.contains("By the plan alone the specification would"));
+            let without = simulate(desk.path(), &args[..6]);
+            assert_eq!(without.status.code(), Some(0));
+        }
     }
 
     #[test]

@@ -4,8 +4,9 @@ use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
 use crate::cli::table::render;
 use crate::report::numbers::{number, optional, seconds};
+use crate::report::words;
 use crate::results::{SimulationDocument, SweepRecord};
-use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::consistency::Consistency;
 use crate::simulate::{SweepPoint, largest_without_optimism};
 
 /// The whole report; `swept` as in the document.
@@ -20,9 +21,11 @@ pub(super) fn simulation(document: &SimulationDocument, swept: &[SweepPoint]) ->
          right about itself. planned: sigma by the linear model, as `evaluate` has it.",
         document.ratio_bounds[0], document.ratio_bounds[1]
     )));
+    text.push_str(&specification(document));
     text.push_str("\nConsistency\n\n");
     text.push_str(&consistency(document));
     text.push('\n');
+    text.push_str(&wrap(words::BOUNDS));
     text.push_str(&wander(document));
     text.push_str(&sweep(document, swept));
     text
@@ -43,23 +46,10 @@ fn head(document: &SimulationDocument) -> String {
             "The filter is told {told} times the true noise.\n"
         ));
     }
-    let meaning = match document.verdict {
-        Verdict::Consistent => "errors are as large as the filter says",
-        Verdict::Optimistic => "errors are larger than the filter says",
-        Verdict::Pessimistic => "errors are smaller than the filter says",
-    };
-    let nees = document.nees.map_or_else(String::new, |n| {
-        format!(
-            " (NEES {}, 95 % bounds {:.2} to {:.2})",
-            number(n.average),
-            n.bounds[0],
-            n.bounds[1]
-        )
-    });
-    text + &wrap(&format!(
-        "The filter is {}: {meaning}{nees}.",
-        document.verdict
-    ))
+    for sentence in words::simulated(document) {
+        text.push_str(&wrap(&sentence));
+    }
+    text
 }
 
 fn ratio(value: Option<f64>) -> String {
@@ -121,7 +111,7 @@ fn consistency(document: &SimulationDocument) -> String {
             c.degrees_of_freedom.to_string(),
             number(c.average),
             format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
-            c.verdict.to_string(),
+            words::place(c).to_owned(),
         ],
     };
     let mut rows = vec![
@@ -139,30 +129,49 @@ fn consistency(document: &SimulationDocument) -> String {
         ("expected", Right),
         ("found", Right),
         ("95 % bounds", Right),
-        ("the filter is", Left),
+        ("it is", Left),
     ];
     render(columns, rows)
 }
 
-/// How far the platform went from where the plan has it, and what that did to the accuracy.
+/// How far the platform went from where the plan has it.
 fn wander(document: &SimulationDocument) -> String {
-    /// A smaller loss of accuracy than this is not worth a word.
-    const WORTH_SAYING: f64 = 1.02;
     let off = document.rms_largest_misalignment_deg;
-    let loss = document.rms_sigma_deg_per_h / document.rms_planned_sigma_deg_per_h;
-    let consequence = if loss > WORTH_SAYING {
-        format!(
-            " The plan has it at its positions; the accuracy is {:.0} % worse than planned \
-             for that.",
-            100.0 * (loss - 1.0)
-        )
-    } else {
-        String::new()
-    };
     wrap(&format!(
-        "The drift is not compensated during the test: at its farthest the platform is {off:.2} \
-         deg (RMS of the runs) off the computed frame.{consequence}"
+        "The drift is not compensated during the test, and the plan has the platform at its \
+         positions: at its farthest it is {off:.2} deg (RMS of the runs) off the computed frame."
     ))
+}
+
+/// Errors against the specification, if there is one.
+fn specification(document: &SimulationDocument) -> String {
+    let judgement = document.judgement.as_ref();
+    let Some(check) = judgement.and_then(|j| j.specification.as_ref()) else {
+        return String::new();
+    };
+    let rows = check.coefficients.iter().map(|c| {
+        [
+            c.name.name().to_owned(),
+            number(c.spec_deg_per_h),
+            optional(c.rms_error_deg_per_h, number),
+            optional(c.interval_deg_per_h, |[low, _]| number(low)),
+            optional(c.interval_deg_per_h, |[_, high]| number(high)),
+            c.decision.to_string(),
+        ]
+    });
+    let columns = [
+        ("coefficient", Left),
+        ("spec, deg/h", Right),
+        ("RMS error", Right),
+        ("sigma from", Right),
+        ("to", Right),
+        ("specification", Left),
+    ];
+    let mut text = "\nErrors against the specification\n\n".to_owned();
+    text.push_str(&render(columns, rows.collect()));
+    text.push('\n');
+    text.push_str(&wrap(&words::intervals(check)));
+    text
 }
 
 /// A number that somebody chose: without trailing zeros.
@@ -184,6 +193,7 @@ fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
             plain(s.drift_factor),
             s.nees.map_or_else(|| "-".to_owned(), |n| number(n.average)),
             optional(s.rms_error_deg_per_h, number),
+            s.diverged_runs.to_string(),
             number(s.rms_largest_misalignment_deg),
         ]
     });
@@ -192,6 +202,7 @@ fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
         ("drift, times", Right),
         ("NEES", Right),
         ("RMS error, deg/h", Right),
+        ("diverged", Right),
         ("farthest, deg", Right),
     ];
     let mut text = "\nPrior against linearisation\n\n".to_owned();

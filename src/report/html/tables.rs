@@ -4,10 +4,12 @@ use crate::commands::{Segment, clock};
 use crate::compare::Order;
 use crate::platform::Repositioning;
 use crate::report::numbers::{number, optional, seconds, separability};
+use crate::report::words;
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
 };
 use crate::simulate::consistency::Consistency;
+use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
 
 use super::blocks::Table;
@@ -361,6 +363,32 @@ pub(super) fn simulated(d: &SimulationDocument) -> Table {
     )
 }
 
+/// Errors of the simulated runs against the specification.
+pub(super) fn specification(check: &SpecificationCheck) -> Table {
+    let rows = check.coefficients.iter().map(|c| {
+        vec![
+            c.name.name().to_owned(),
+            number(c.spec_deg_per_h),
+            optional(c.rms_error_deg_per_h, number),
+            optional(c.interval_deg_per_h, |[low, _]| number(low)),
+            optional(c.interval_deg_per_h, |[_, high]| number(high)),
+            c.decision.to_string(),
+        ]
+    });
+    Table::new(
+        "Errors of the simulated runs against the specification",
+        &[
+            "coefficient",
+            "specification, °/h",
+            "RMS error, °/h",
+            "1σ from, °/h",
+            "to, °/h",
+            "the specification is",
+        ],
+        rows.collect(),
+    )
+}
+
 /// Averages of the normalised squares, with their bounds.
 pub(super) fn consistency(d: &SimulationDocument) -> Table {
     let row = |name: String, c: &Option<Consistency>| match c {
@@ -370,7 +398,7 @@ pub(super) fn consistency(d: &SimulationDocument) -> Table {
             c.degrees_of_freedom.to_string(),
             number(c.average),
             format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
-            c.verdict.to_string(),
+            words::place(c).to_owned(),
         ],
     };
     let mut rows = vec![
@@ -389,13 +417,7 @@ pub(super) fn consistency(d: &SimulationDocument) -> Table {
     }
     Table::new(
         "Consistency of the filter",
-        &[
-            "average of",
-            "expected",
-            "found",
-            "95 % bounds",
-            "the filter is",
-        ],
+        &["average of", "expected", "found", "95 % bounds", "it is"],
         rows,
     )
 }
@@ -408,6 +430,7 @@ pub(super) fn sweep(d: &SimulationDocument) -> Table {
             number(s.drift_factor),
             optional(s.nees, |n| number(n.average)),
             optional(s.rms_error_deg_per_h, number),
+            s.diverged_runs.to_string(),
             number(s.rms_largest_misalignment_deg),
         ]
     });
@@ -418,6 +441,7 @@ pub(super) fn sweep(d: &SimulationDocument) -> Table {
             "drift, times",
             "NEES",
             "RMS error, °/h",
+            "runs diverged",
             "farthest off, °",
         ],
         rows.collect(),

@@ -1,0 +1,248 @@
+//! What a simulation says: one verdict, with its numbers and its words.
+//!
+//! Terminal, document and report take both from here, so that no two of them can disagree. The
+//! words say the worst first: runs that diverged, what the errors are, whether the filter can be
+//! believed, whether the specification is met.
+
+use serde::{Deserialize, Serialize};
+
+use crate::drift::CoefficientVector;
+use crate::report::numbers::{listed, number};
+
+use super::MonteCarlo;
+use super::consistency::{Consistency, Verdict};
+use super::divergence::Divergence;
+use super::specification::{Decision, SpecificationCheck};
+
+/// What a simulation says of a test and its filter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Judgement {
+    /// What is to be thought of the filter.
+    pub verdict: Verdict,
+    /// The runs that diverged.
+    pub divergence: Divergence,
+    /// The errors against the specification; null: none is given.
+    pub specification: Option<SpecificationCheck>,
+    /// Whether nothing is left to doubt: the filter is consistent, no run diverged, and the
+    /// specification, if there is one, is shown to be met. What `simulate --check` asks.
+    pub passed: bool,
+    /// The same in sentences, with units in plain letters.
+    pub sentences: Vec<String>,
+}
+
+impl Judgement {
+    /// Judges `found` against the specification, °/h (per g), infinite for coefficients without
+    /// one.
+    pub fn new(found: &MonteCarlo, spec_deg_per_h: Option<&CoefficientVector>) -> Self {
+        let verdict = found.verdict();
+        let specification = spec_deg_per_h.and_then(|s| SpecificationCheck::new(found, s));
+        let met = |s: &SpecificationCheck| s.decision == Decision::Met;
+        let passed = verdict == Verdict::Consistent && specification.as_ref().is_none_or(met);
+        let mut sentences = diverged(&found.divergence);
+        sentences.push(errors(found));
+        sentences.push(filter(found, verdict));
+        sentences.extend(specification.as_ref().map(|s| specified(s, found)));
+        Self {
+            verdict,
+            divergence: found.divergence.clone(),
+            specification,
+            passed,
+            sentences,
+        }
+    }
+}
+
+impl MonteCarlo {
+    /// What is to be thought of the filter: [`Verdict::Diverged`] when a run diverged, else what
+    /// NEES of all states and of the coefficients and NIS say together.
+    pub fn verdict(&self) -> Verdict {
+        if self.divergence.count > 0 {
+            return Verdict::Diverged;
+        }
+        let judged = [self.nees, self.nees_coefficients, self.nis];
+        let says = |v: Verdict| judged.iter().flatten().any(|c| c.verdict == v);
+        match (says(Verdict::Optimistic), says(Verdict::Pessimistic)) {
+            (true, true) => Verdict::Inconsistent,
+            (true, false) => Verdict::Optimistic,
+            (false, true) => Verdict::Pessimistic,
+            // Everything known exactly: there is nothing to be wrong about.
+            (false, false) => Verdict::Consistent,
+        }
+    }
+}
+
+/// What happened in the runs that diverged, if any did.
+fn diverged(d: &Divergence) -> Vec<String> {
+    /// How many are called by their number.
+    const NAMED: usize = 5;
+    if d.count == 0 {
+        return Vec::new();
+    }
+    let named: Vec<String> = d
+        .listed
+        .iter()
+        .take(NAMED)
+        .map(|r| match r.rms_error_deg_per_h {
+            Some(error) => format!("run {} by {} deg/h", r.run, number(error)),
+            None => format!("run {} beyond all numbers", r.run),
+        })
+        .collect();
+    let more = match d.count > named.len() {
+        true => ", and more",
+        false => "",
+    };
+    let noticed = match (d.noticed, d.count) {
+        (0, 1) => "Its residuals do not show it: at the stand it would pass unnoticed.".to_owned(),
+        (0, _) => "Their residuals do not show it: at the stand they would pass unnoticed.".into(),
+        (n, count) if n == count => "The residuals show it: look at them at the stand.".to_owned(),
+        (n, count) => format!(
+            "The residuals show it in {n} of {count}; the rest would pass unnoticed at the stand."
+        ),
+    };
+    let mut sentences = vec![format!(
+        "{} of {} runs diverged, beyond all chance: off {} (RMS of the coefficients){}. {noticed}",
+        d.count,
+        d.runs,
+        listed(&named),
+        more,
+    )];
+    if let Some(others) = d.rms_error_of_the_others_deg_per_h {
+        sentences.push(format!(
+            "The RMS error of the other {} runs is {} deg/h.",
+            d.runs - d.count,
+            number(others)
+        ));
+    }
+    sentences
+}
+
+/// The RMS error beside what was planned and what the filter says.
+fn errors(found: &MonteCarlo) -> String {
+    /// Beyond so many times the plan, percent are no help.
+    const TIMES: f64 = 3.0;
+    let (error, planned) = (
+        found.rms_error_deg_per_h(),
+        found.rms_planned_sigma_deg_per_h(),
+    );
+    let ratio = error / planned;
+    let against = match ratio {
+        r if r.is_nan() => "no number to compare with the plan".to_owned(),
+        r if r >= TIMES => format!("{} times what was planned", number(r)),
+        r if r >= 1.005 => format!("{:.0} % more than planned", 100.0 * (r - 1.0)),
+        r if r <= 0.995 => format!("{:.0} % less than planned", 100.0 * (1.0 - r)),
+        _ => "as planned".to_owned(),
+    };
+    format!(
+        "Over all {} runs the RMS error is {} deg/h, {against}; the filter says {} deg/h, the plan \
+         {} deg/h.",
+        found.runs,
+        number(error),
+        number(found.rms_sigma_deg_per_h()),
+        number(planned),
+    )
+}
+
+/// Whether the filter can be believed, and by which numbers.
+fn filter(found: &MonteCarlo, verdict: Verdict) -> String {
+    let meaning = match verdict {
+        Verdict::Consistent => "The filter is consistent: its errors are as large as it says",
+        Verdict::Optimistic => "The filter is optimistic: its errors are larger than it says",
+        Verdict::Pessimistic => "The filter is pessimistic: its errors are smaller than it says",
+        Verdict::Inconsistent => {
+            "The filter is inconsistent: some of its errors are larger and some smaller than it \
+             says"
+        }
+        Verdict::Diverged => "The filter diverged, and what it says of itself cannot be relied on",
+    };
+    let numbers: Vec<String> = [
+        ("NEES", &found.nees),
+        ("NEES of the coefficients", &found.nees_coefficients),
+        ("NIS", &found.nis),
+    ]
+    .into_iter()
+    .filter_map(|(name, c)| c.map(|c| against_bounds(name, &c)))
+    .collect();
+    match numbers.is_empty() {
+        true => format!("{meaning}."),
+        false => format!("{meaning} ({}).", numbers.join("; ")),
+    }
+}
+
+fn against_bounds(name: &str, c: &Consistency) -> String {
+    let [low, high] = c.bounds;
+    // As many digits as the bounds need to differ.
+    let decimals = match high - low < 0.1 {
+        true => 4,
+        false => 2,
+    };
+    let average = match c.average < 1e4 {
+        true => format!("{:.decimals$}", c.average),
+        false => number(c.average),
+    };
+    format!("{name} {average}, expected {low:.decimals$} to {high:.decimals$}")
+}
+
+/// To two digits and no fewer.
+fn rounded_up(count: usize) -> usize {
+    let mut unit = 1;
+    while count / unit >= 100 {
+        unit *= 10;
+    }
+    count.div_ceil(unit) * unit
+}
+
+/// Whether the errors of the runs show that the specification is met.
+fn specified(s: &SpecificationCheck, found: &MonteCarlo) -> String {
+    let of = |decision: Decision| -> Vec<String> {
+        s.coefficients
+            .iter()
+            .filter(|c| c.decision == decision)
+            .map(|c| {
+                let error = c.rms_error_deg_per_h.map_or_else(|| "-".to_owned(), number);
+                let spec = number(c.spec_deg_per_h);
+                format!("{} ({error} against {spec} deg/h)", c.name.name())
+            })
+            .collect()
+    };
+    let runs = found.runs;
+    let certain = 100.0 * s.probability;
+    match s.decision {
+        Decision::Met => format!(
+            "The specification is met: the RMS errors of {runs} runs show it with {certain:.0} % \
+             certainty."
+        ),
+        Decision::NotMet => format!(
+            "The specification is not met: {}.",
+            listed(&of(Decision::NotMet))
+        ),
+        Decision::NotDecided if found.divergence.count > 0 => format!(
+            "Whether the specification is met is not decided: errors of runs that diverge have no \
+             limit that {runs} runs could show."
+        ),
+        Decision::NotDecided => {
+            let needed = s.runs_needed.map_or_else(String::new, |n| {
+                format!(
+                    "; about {} would, if the errors stay as they are",
+                    rounded_up(n)
+                )
+            });
+            format!(
+                "Whether the specification is met is not decided by {runs} runs: {}{needed}.",
+                listed(&of(Decision::NotDecided))
+            )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_rounded_up() {
+        for (count, rounded) in [(7, 7), (99, 99), (100, 100), (101, 110), (91_673, 92_000)] {
+            assert_eq!(rounded_up(count), rounded);
+        }
+    }
+}
