@@ -26,3 +26,4 @@ mod replanning;
 mod search;
 mod simulation;
 mod support;
+mod weak_priors;
