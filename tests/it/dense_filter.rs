@@ -225,11 +225,15 @@ impl Filter {
     fn log_det(&self) -> f64 {
         let mut p: Matrix = self.p[3..].iter().map(|row| row[3..].to_vec()).collect();
         let mut log = 0.0;
-        for k in 0..COEFFICIENTS {
+        // Over the coefficients that are not known exactly.
+        let open: Vec<usize> = (0..COEFFICIENTS)
+            .filter(|&k| p[k][k] != float(0.0))
+            .collect();
+        for (at, &k) in open.iter().enumerate() {
             log += p[k][k].to_f64().value().ln();
-            for i in k + 1..COEFFICIENTS {
+            for &i in &open[at + 1..] {
                 let factor = &p[i][k] / &p[k][k];
-                for j in k..COEFFICIENTS {
+                for &j in &open[at..] {
                     let less = &factor * &p[k][j];
                     p[i][j] -= less;
                 }

@@ -69,7 +69,7 @@ fn criteria_of_300_schedules_have_the_digits_that_sigmas_have() {
             for log in group.into_iter().map(Result::unwrap).chain([alone]) {
                 let error = (log - exact.ln()).abs();
                 assert!(
-                    error < 1e-7,
+                    error < 1e-6,
                     "case {case}, {criterion:?}: {error:e} in the search"
                 );
                 worst_in_search[k] = worst_in_search[k].max(error);
@@ -117,10 +117,8 @@ fn gradients_under_weak_priors_are_the_derivatives() {
                 }
             }
             println!("{prior:e} {criterion:?}: {worst:.1e} of {size:.1e}");
-            assert!(
-                worst < 1e-4 * size.max(1e-3),
-                "{prior:e} {criterion:?}: {worst:e} of {size:e}"
-            );
+            // Derivatives of a logarithm per radian: some are 0, and none far above 1.
+            assert!(worst < 1e-5, "{prior:e} {criterion:?}: {worst:e} of {size:e}");
         }
     }
 }
