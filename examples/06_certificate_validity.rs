@@ -109,15 +109,13 @@ impl Tally {
         bound: &Bound,
         end: &EndCovariance,
     ) {
-        let Ok(value) = criterion.value(&end.coefficients) else {
+        let Ok(value) = criterion.value(end) else {
             self.refused += 1;
             return;
         };
         self.schedules += 1;
         self.ratios.push(value / bound.lower_bound);
-        let rms = Criterion::rms()
-            .value(&end.coefficients)
-            .unwrap_or(f64::NAN);
+        let rms = Criterion::rms().value(end).unwrap_or(f64::NAN);
         let sigma = end.sigma_deg_per_h();
         let each = sigma.iter().zip(bound.sigma_deg_per_h.iter());
         let holds = value >= bound.lower_bound

@@ -70,7 +70,7 @@ fn accuracy(
     let end = evaluator
         .model()
         .end_covariance(&timeline, TickRule::Filter)?;
-    let criterion = evaluator.objective().criterion.value(&end.coefficients)?;
+    let criterion = evaluator.objective().criterion.value(&end)?;
     let rms_sigma_deg_per_h = (end.coefficients.trace() / COEFFICIENTS as f64).sqrt();
     if rms_sigma_deg_per_h.is_finite() && criterion.is_finite() {
         Ok(BaselineAccuracy {

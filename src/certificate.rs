@@ -45,8 +45,9 @@ mod shortest;
 
 use rayon::prelude::*;
 
+use crate::covariance::{CovarianceRoot, Rooted};
 use crate::criterion::Criterion;
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
+use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Platform;
@@ -313,7 +314,7 @@ impl Certifier {
             0.0
         } else {
             let sigma = &self.conditions.prior_sigma;
-            let prior = CoefficientMatrix::from_diagonal(&sigma.component_mul(sigma));
+            let prior = Rooted::new(CovarianceRoot::independent(sigma));
             criterion.value(&prior)? * (1.0 - MARGIN)
         };
         Ok(CriterionBound {

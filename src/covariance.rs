@@ -26,20 +26,25 @@ pub mod kernel;
 pub(crate) mod link;
 pub(crate) mod number;
 pub mod reference;
+mod root;
 mod rows;
 mod small;
 mod two_stage;
 
+use std::borrow::Cow;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::{EAST, UP};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{CoefficientMatrix, CoefficientVector};
 use crate::dynamics::ErrorDynamics;
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 pub use dwell_sequence::DwellSequence;
 use kernel::KernelTable;
+pub(crate) use root::Rooted;
+pub use root::{CoefficientCovariance, CovarianceRoot, Slope};
 use two_stage::information::PriorScale;
 use two_stage::numbers::MOST_LANES;
 
@@ -142,8 +147,19 @@ impl CovarianceModel {
 pub struct EndCovariance {
     /// Of the coefficients, P_D, (°/h)².
     pub coefficients: CoefficientMatrix,
+    /// L with P_D = L Lᵀ, °/h.
+    pub root: CovarianceRoot,
     /// Of ψ^n, arcsec², the coefficients' uncertainty included.
     pub misalignment: Matrix3<f64>,
+}
+
+impl CoefficientCovariance for EndCovariance {
+    fn matrix(&self) -> &CoefficientMatrix {
+        &self.coefficients
+    }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        Cow::Borrowed(&self.root)
+    }
 }
 
 impl EndCovariance {
@@ -156,37 +172,6 @@ impl EndCovariance {
     pub fn misalignment_sigma_arcsec(&self) -> Vector3<f64> {
         self.misalignment.diagonal().map(f64::sqrt)
     }
-}
-
-/// P_D = S (I + S E S)⁻¹ S with S the prior σ and E the information on D without the prior.
-///
-/// Scaling by the prior makes the smallest eigenvalue 1, so that a coefficient with prior σ = 0
-/// (known) stays known. For searches: what the schedule leaves to the prior may be off in the
-/// last digits where its other information is 1e14 times larger; printed numbers come from
-/// [`rows`].
-///
-/// # Errors
-///
-/// [`Error::is_numerical`] when the information is not finite.
-pub(crate) fn covariance_from_information(
-    information: &CoefficientMatrix,
-    prior_sigma: &CoefficientVector,
-) -> Result<CoefficientMatrix> {
-    let mut scaled = *information;
-    for j in 0..COEFFICIENTS {
-        for i in 0..COEFFICIENTS {
-            scaled[(i, j)] *= prior_sigma[i] * prior_sigma[j];
-        }
-        scaled[(j, j)] += 1.0;
-    }
-    let cholesky = nalgebra::Cholesky::new(scaled).ok_or_else(not_finite)?;
-    let mut covariance = cholesky.inverse();
-    for j in 0..COEFFICIENTS {
-        for i in 0..COEFFICIENTS {
-            covariance[(i, j)] *= prior_sigma[i] * prior_sigma[j];
-        }
-    }
-    Ok(covariance)
 }
 
 fn not_finite() -> Error {

@@ -10,9 +10,16 @@
 //! Search and score work on the logarithm, which makes a relative change of accuracy the same
 //! whatever the unit. `e` and `max-ratio` have kinks; [`Smoothing::PowerMean`] replaces the
 //! maximum by a power mean, an upper bound that tends to it.
+//!
+//! `d` and `e` come from a root L of P_D = L Lᵀ ([`CovarianceRoot`]), so that they have the digits
+//! that the σ have: ln det P_D = 2 Σ ln |L_kk| from the diagonal of the triangle, λ_max(P_D) =
+//! λ_max(LᵀL), and their derivatives in the columns of L ([`Slope::InRoot`]).
+//!
+//! [`CovarianceRoot`]: crate::covariance::CovarianceRoot
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, allocator::Allocator};
 
+use crate::covariance::{CoefficientCovariance, Slope};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 
@@ -56,8 +63,8 @@ impl Criterion {
     ///
     /// # Errors
     ///
-    /// [`Error::is_numerical`] when P_D is not positive definite where it must be.
-    pub fn value(&self, covariance: &CoefficientMatrix) -> Result<f64> {
+    /// [`Error::is_numerical`] when P_D is not finite, or all of it is zero.
+    pub fn value(&self, covariance: &dyn CoefficientCovariance) -> Result<f64> {
         Ok(libm::exp(self.log(covariance, Smoothing::Exact)?))
     }
 
@@ -66,31 +73,31 @@ impl Criterion {
     /// # Errors
     ///
     /// As [`Criterion::value`].
-    pub fn log(&self, covariance: &CoefficientMatrix, smoothing: Smoothing) -> Result<f64> {
+    pub fn log(&self, covariance: &dyn CoefficientCovariance, smoothing: Smoothing) -> Result<f64> {
         match self {
-            // The search's usual criterion: without a matrix for a gradient that nobody wants.
-            Self::A { weights } => Ok(log_weighted_rms(covariance, weights)),
+            // The search's usual criterion: without a gradient that nobody wants.
+            Self::A { weights } => Ok(log_weighted_rms(covariance.matrix(), weights)),
+            Self::D => log_geometric_mean(covariance),
             _ => Ok(self.log_with_gradient(covariance, smoothing)?.0),
         }
     }
 
-    /// ln(value) and its derivative with respect to P_D, a symmetric matrix G:
-    /// d ln(value) = tr(G dP_D).
+    /// ln(value) and its derivative with respect to P_D.
     ///
     /// # Errors
     ///
     /// As [`Criterion::value`].
     pub fn log_with_gradient(
         &self,
-        covariance: &CoefficientMatrix,
+        covariance: &dyn CoefficientCovariance,
         smoothing: Smoothing,
-    ) -> Result<(f64, CoefficientMatrix)> {
+    ) -> Result<(f64, Slope)> {
         match self {
-            Self::A { weights } => Ok(weighted_rms(covariance, weights)),
+            Self::A { weights } => Ok(weighted_rms(covariance.matrix(), weights)),
             Self::D => geometric_mean(covariance),
-            Self::E => Ok(worst_combination(covariance, smoothing)),
+            Self::E => worst_combination(covariance, smoothing),
             Self::MaxRatio { spec_deg_per_h } => {
-                Ok(worst_ratio(covariance, spec_deg_per_h, smoothing))
+                Ok(worst_ratio(covariance.matrix(), spec_deg_per_h, smoothing))
             }
         }
     }
@@ -171,10 +178,10 @@ fn log_weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> f64 {
 }
 
 /// ln √(Σ w P_ii / Σ w) and its gradient.
-fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, CoefficientMatrix) {
+fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, Slope) {
     let weighted = p.diagonal().dot(weights);
-    let gradient = CoefficientMatrix::from_diagonal(&(weights / (2.0 * weighted)));
-    (log_weighted_rms(p, weights), gradient)
+    let slope = Slope::Variances(weights / (2.0 * weighted));
+    (log_weighted_rms(p, weights), slope)
 }
 
 /// ln det of the matrix that `cholesky` is of. (nalgebra's own takes logarithms of squares, which
@@ -188,43 +195,67 @@ where
 }
 
 /// ln det P / 2n over the coefficients that are not known exactly.
-fn geometric_mean(p: &CoefficientMatrix) -> Result<(f64, CoefficientMatrix)> {
-    let open: Vec<usize> = (0..COEFFICIENTS).filter(|&i| p[(i, i)] > 0.0).collect();
-    if open.is_empty() {
+fn log_geometric_mean(p: &dyn CoefficientCovariance) -> Result<f64> {
+    let (log_det, count) = p.root().log_determinant();
+    if count == 0 {
         // All known: as for the other criteria, the logarithm of zero.
-        return Ok((f64::NEG_INFINITY, CoefficientMatrix::zeros()));
+        return Ok(f64::NEG_INFINITY);
     }
-    let block = nalgebra::DMatrix::from_fn(open.len(), open.len(), |i, j| p[(open[i], open[j])]);
-    let cholesky = Cholesky::new(block).ok_or_else(|| {
-        Error::numerical(
-            "the coefficient covariance lost definiteness: its logarithmic determinant cannot \
-             be trusted",
-        )
-    })?;
-    let count = open.len() as f64;
-    let log_det = log_determinant(&cholesky);
-    let inverse = cholesky.inverse();
-    let mut gradient = CoefficientMatrix::zeros();
-    for (i, &row) in open.iter().enumerate() {
-        for (j, &column) in open.iter().enumerate() {
-            gradient[(row, column)] = inverse[(i, j)] / (2.0 * count);
-        }
+    let log = log_det / (2 * count) as f64;
+    if log.is_finite() {
+        Ok(log)
+    } else {
+        Err(not_a_covariance())
     }
-    Ok((log_det / (2.0 * count), gradient))
 }
 
-/// ln √λ_max, or ln (Σ λ^p)^{1/2p}.
-fn worst_combination(p: &CoefficientMatrix, smoothing: Smoothing) -> (f64, CoefficientMatrix) {
-    let eigen = p.symmetric_eigen();
+/// The same with its gradient: G = P⁻¹/2n, so that K = LᵀGL = I/2n.
+fn geometric_mean(p: &dyn CoefficientCovariance) -> Result<(f64, Slope)> {
+    let open = p.root().open();
+    // All known: nothing changes the logarithm of zero.
+    let slope = Slope::InRoot(open / (2.0 * open.trace()).max(1.0));
+    Ok((log_geometric_mean(p)?, slope))
+}
+
+/// The eigenvalues of LᵀL, those of P_D, with its eigenvectors u; those of P_D are L u/√λ.
+fn eigen(
+    p: &dyn CoefficientCovariance,
+) -> Result<nalgebra::SymmetricEigen<f64, nalgebra::Const<COEFFICIENTS>>> {
+    let root = p.root();
+    let l = root.matrix();
+    if !l.iter().all(|v| v.is_finite()) {
+        return Err(not_a_covariance());
+    }
+    Ok((l.transpose() * l).symmetric_eigen())
+}
+
+/// √λ_max(P_D), °/h.
+///
+/// # Errors
+///
+/// [`Error::is_numerical`] when P_D is not finite.
+pub(crate) fn largest_principal_sigma(p: &dyn CoefficientCovariance) -> Result<f64> {
+    Ok(eigen(p)?.eigenvalues.max().sqrt())
+}
+
+/// ln √λ_max, or ln (Σ λ^p)^{1/2p}. With v = L u/√λ, G = ½ Σ share v vᵀ and K = ½ Σ share λ u uᵀ.
+fn worst_combination(p: &dyn CoefficientCovariance, smoothing: Smoothing) -> Result<(f64, Slope)> {
+    let eigen = eigen(p)?;
     let (log_value, shares) = soft_maximum(eigen.eigenvalues.as_slice(), smoothing);
-    let mut gradient = CoefficientMatrix::zeros();
+    let mut in_root = CoefficientMatrix::zeros();
     for (i, share) in shares.into_iter().enumerate() {
         if share > 0.0 {
-            let v = eigen.eigenvectors.column(i);
-            gradient += v * v.transpose() * (0.5 * share);
+            let u = eigen.eigenvectors.column(i);
+            in_root += u * u.transpose() * (0.5 * share * eigen.eigenvalues[i]);
         }
     }
-    (0.5 * log_value, gradient)
+    Ok((0.5 * log_value, Slope::InRoot(in_root)))
+}
+
+fn not_a_covariance() -> Error {
+    Error::numerical(
+        "the covariance of the coefficients is not finite, or all of them are known exactly",
+    )
 }
 
 /// ln max σ_i/spec_i, or its power mean.
@@ -232,16 +263,13 @@ fn worst_ratio(
     p: &CoefficientMatrix,
     spec: &CoefficientVector,
     smoothing: Smoothing,
-) -> (f64, CoefficientMatrix) {
+) -> (f64, Slope) {
     let ratios: Vec<f64> = (0..COEFFICIENTS)
         .map(|i| p[(i, i)] / (spec[i] * spec[i]))
         .collect();
     let (log_value, shares) = soft_maximum(&ratios, smoothing);
-    let mut gradient = CoefficientMatrix::zeros();
-    for (i, share) in shares.into_iter().enumerate() {
-        gradient[(i, i)] = 0.5 * share / (spec[i] * spec[i]);
-    }
-    (0.5 * log_value, gradient)
+    let slope = CoefficientVector::from_fn(|i, _| 0.5 * shares[i] / (spec[i] * spec[i]));
+    (0.5 * log_value, Slope::Variances(slope))
 }
 
 /// ln of the maximum of non-negative `values` (or of their power mean) and its derivative with
@@ -280,6 +308,7 @@ fn soft_maximum(values: &[f64], smoothing: Smoothing) -> (f64, Vec<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::covariance::{CovarianceRoot, Rooted};
 
     fn sample() -> CoefficientMatrix {
         let root = CoefficientMatrix::from_fn(|i, j| {
@@ -307,9 +336,8 @@ mod tests {
 
     #[test]
     fn values_are_what_their_names_say() {
-        let p = CoefficientMatrix::from_diagonal(&CoefficientVector::from_fn(|i, _| {
-            (1.0 + i as f64).powi(2)
-        }));
+        let sigma = CoefficientVector::from_fn(|i, _| 1.0 + i as f64);
+        let p = Rooted::new(CovarianceRoot::independent(&sigma));
         let value = |c: Criterion| c.value(&p).unwrap();
         assert!((value(Criterion::rms()) - (650.0_f64 / 12.0).sqrt()).abs() < 1e-12);
         let factorial: f64 = (1..=12).map(f64::from).product();
@@ -324,14 +352,19 @@ mod tests {
         let p = sample();
         for criterion in criteria() {
             for smoothing in [Smoothing::Exact, Smoothing::PowerMean(6.0)] {
-                let (_, g) = criterion.log_with_gradient(&p, smoothing).unwrap();
+                let of = Rooted::of(&p);
+                let (_, slope) = criterion.log_with_gradient(&of, smoothing).unwrap();
+                // Ē = −P G P.
+                let inverse = p.try_inverse().unwrap();
+                let g = -(inverse * slope.of_information(&of) * inverse);
                 for (i, j) in [(0, 0), (2, 5), (11, 3), (7, 7)] {
                     let mut direction = CoefficientMatrix::zeros();
                     direction[(i, j)] += 0.5;
                     direction[(j, i)] += 0.5;
                     let f = |h: f64| {
                         let shifted = p + direction * h;
-                        criterion.log_with_gradient(&shifted, smoothing).unwrap().0
+                        let of = Rooted::of(&shifted);
+                        criterion.log_with_gradient(&of, smoothing).unwrap().0
                     };
                     let numeric = (f(1e-5) - f(-1e-5)) / 2e-5;
                     let exact = g.dot(&direction);
@@ -343,7 +376,7 @@ mod tests {
 
     #[test]
     fn power_mean_is_an_upper_bound_that_tends_to_the_maximum() {
-        let p = sample();
+        let p = Rooted::of(&sample());
         for criterion in criteria().into_iter().filter(Criterion::has_kinks) {
             let value = |s| criterion.log_with_gradient(&p, s).unwrap().0;
             let exact = value(Smoothing::Exact);
@@ -355,9 +388,10 @@ mod tests {
 
     #[test]
     fn a_known_coefficient_does_not_upset_the_determinant() {
-        let mut p = sample();
-        p.row_mut(4).fill(0.0);
-        p.column_mut(4).fill(0.0);
-        assert!(Criterion::D.value(&p).unwrap().is_finite());
+        let sigma = CoefficientVector::from_fn(|i, _| if i == 4 { 0.0 } else { 3.0 });
+        let p = Rooted::new(CovarianceRoot::independent(&sigma));
+        assert!((Criterion::D.value(&p).unwrap() - 3.0).abs() < 1e-12);
+        let nothing = Rooted::new(CovarianceRoot::independent(&CoefficientVector::zeros()));
+        assert!(Criterion::D.value(&nothing).is_err());
     }
 }

@@ -26,8 +26,8 @@ use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::number::Number;
 use crate::covariance::reference::{Moment, step_by_step, step_by_step_extended};
-use crate::covariance::{CovarianceModel, EndCovariance, TickRule};
-use crate::criterion::{Criterion, Smoothing, log_determinant};
+use crate::covariance::{CoefficientCovariance, CovarianceModel, EndCovariance, Slope, TickRule};
+use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
@@ -126,13 +126,14 @@ impl Evaluation {
 
     /// σ of the worst combination: √λ_max(P_D), °/h.
     pub fn max_eig_sigma_deg_per_h(&self) -> f64 {
-        self.end.coefficients.symmetric_eigenvalues().max().sqrt()
+        // Finite: its σ are.
+        largest_principal_sigma(&self.end).unwrap_or(f64::NAN)
     }
 
     /// ln det P_D, P_D in (°/h)²; none when a coefficient is known exactly.
     pub fn logdet_deg_per_h(&self) -> Option<f64> {
-        let cholesky = nalgebra::Cholesky::new(self.end.coefficients)?;
-        Some(log_determinant(&cholesky))
+        let (log_det, open) = self.end.root.log_determinant();
+        (open == COEFFICIENTS).then_some(log_det)
     }
 }
 
@@ -258,7 +259,7 @@ impl Evaluator {
 
     fn score(&self, end: &EndCovariance, observability: &Observability) -> Result<Score> {
         let o = &self.objective;
-        let criterion = o.criterion.value(&end.coefficients)?;
+        let criterion = o.criterion.value(end)?;
         let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
         let mean_log = observability.separability.map(libm::log).mean();
         let separability_part = weighted(o.separability_weight, -mean_log);
@@ -276,17 +277,15 @@ impl Evaluator {
     /// The figure of merit of a search: the score, plus a penalty below the minimum
     /// separability, by the fast kernels. Infinite where nothing can be said.
     pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
-        let covariance = self
-            .model
-            .coefficients_by_gram(timeline, TickRule::Relaxed)?;
-        let value = self.merit_of_covariance(&covariance, smoothing)?;
+        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
+        let value = self.model.value(timeline, TickRule::Relaxed, merit)?;
         Ok(value + self.separability_part(timeline))
     }
 
-    /// The covariance's part of the merit from P_D, (°/h)².
+    /// The covariance's part of the merit from P_D.
     pub(crate) fn merit_of_covariance(
         &self,
-        covariance: &CoefficientMatrix,
+        covariance: &dyn CoefficientCovariance,
         smoothing: Smoothing,
     ) -> Result<f64> {
         let weight = self.objective.covariance_weight;
@@ -302,13 +301,13 @@ impl Evaluator {
         timelines: &[Timeline],
         smoothing: Smoothing,
     ) -> Vec<Result<f64>> {
-        let merit = |p: &CoefficientMatrix| self.merit_of_covariance(p, smoothing);
+        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
         self.model.values(timelines, TickRule::Relaxed, merit)
     }
 
     /// The merit of every timeline by the filter's own rule, several at once.
     pub(crate) fn merits_by_filter(&self, timelines: &[Timeline]) -> Vec<Result<f64>> {
-        let merit = |p: &CoefficientMatrix| self.merit_of_covariance(p, Smoothing::Exact);
+        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, Smoothing::Exact);
         let mut merits = self.model.values(timelines, TickRule::Filter, merit);
         if self.objective.uses_separability() {
             for (merit, timeline) in merits.iter_mut().zip(timelines) {
@@ -337,7 +336,7 @@ impl Evaluator {
         timeline: &Timeline,
         smoothing: Smoothing,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        let merit = |p: &CoefficientMatrix| self.merit_and_slope(p, smoothing);
+        let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
         let mut found = self.model.gradient(timeline, TickRule::Relaxed, merit)?;
         self.add_separability(timeline, &mut found);
         Ok(found)
@@ -349,7 +348,7 @@ impl Evaluator {
         timelines: &[Timeline],
         smoothing: Smoothing,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        let merit = |p: &CoefficientMatrix| self.merit_and_slope(p, smoothing);
+        let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
         let mut all = self.model.gradients(timelines, TickRule::Relaxed, merit);
         for (timeline, found) in timelines.iter().zip(&mut all) {
             if let Ok(found) = found {
@@ -359,19 +358,19 @@ impl Evaluator {
         all
     }
 
-    /// [`Evaluator::merit_of_covariance`] with its derivative with respect to P_D.
+    /// [`Evaluator::merit_of_covariance`] with its derivative.
     pub(crate) fn merit_and_slope(
         &self,
-        covariance: &CoefficientMatrix,
+        covariance: &dyn CoefficientCovariance,
         smoothing: Smoothing,
-    ) -> Result<(f64, CoefficientMatrix)> {
+    ) -> Result<(f64, Slope)> {
         let weight = self.objective.covariance_weight;
         if weight == 0.0 {
-            return Ok((0.0, CoefficientMatrix::zeros()));
+            return Ok((0.0, Slope::InRoot(CoefficientMatrix::zeros())));
         }
         let criterion = self.objective.criterion;
         let (log, slope) = criterion.log_with_gradient(covariance, smoothing)?;
-        Ok((weight * log, slope * weight))
+        Ok((weight * log, slope.times(weight)))
     }
 
     /// Adds the separability's part, where it has one, to a merit and its gradient.

@@ -145,7 +145,7 @@ impl<'a> BlackBox<'a> {
         let model = self.evaluator.model();
         let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
         let criterion = &self.evaluator.objective().criterion;
-        criterion.value(&end.coefficients).ok()
+        criterion.value(&end).ok()
     }
 
     /// The plan of a point, on the index table if there is one.
@@ -168,11 +168,7 @@ impl<'a> BlackBox<'a> {
         let end = model
             .end_covariance_by_gram(&timeline, TickRule::Relaxed)
             .ok()?;
-        let value = self
-            .evaluator
-            .objective()
-            .criterion
-            .value(&end.coefficients);
+        let value = self.evaluator.objective().criterion.value(&end);
         value.ok().filter(|v| v.is_finite())
     }
 }

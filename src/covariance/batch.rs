@@ -17,20 +17,22 @@
 pub(crate) mod between;
 mod gradients;
 
+use std::borrow::Cow;
+
 use pulp::Simd;
 
 use super::kernel::LookedUp;
 use super::two_stage::course::{Legs, Stretch, Tape};
 use super::two_stage::dispatch::{LaneTask, run_in_lanes};
 use super::two_stage::gains::DwellKernel;
-use super::two_stage::information::{Factor, Information, PLACES, PriorScale, Rows};
+use super::two_stage::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_digits};
 use super::two_stage::moves::{Interval, Turn};
 use super::two_stage::numbers::{
     self, Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register, Row, three,
 };
 use super::two_stage::single::OneTimeline;
 use super::two_stage::{Place, attitude_entries};
-use super::{CovarianceModel, TickRule, not_finite};
+use super::{CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite};
 use crate::drift::{CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::motion::integral::Panels;
@@ -289,11 +291,43 @@ fn covariance_of_lane<S: Simd, L: Alignment, const FUSED: bool>(
     out
 }
 
-fn is_covariance<S: Simd, L: Alignment, const FUSED: bool>(
+/// Whether the covariance of one lane has the digits that a search needs.
+fn keeps_digits_in<S: Simd, L: Alignment, const FUSED: bool>(
     factor: &Factor<Lanes<S, L, FUSED>>,
     lane: usize,
 ) -> bool {
-    factor.least.lane(lane) > 0.0
+    keeps_digits(factor.least.lane(lane), factor.cancelled.lane(lane))
+}
+
+/// P_D of one lane.
+struct OfLane<'a, S: Simd, L: Alignment, const FUSED: bool> {
+    matrix: CoefficientMatrix,
+    factor: &'a Factor<Lanes<S, L, FUSED>>,
+    lane: usize,
+}
+
+impl<'a, S: Simd, L: Alignment, const FUSED: bool> OfLane<'a, S, L, FUSED> {
+    #[inline(always)]
+    fn new(
+        p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
+        factor: &'a Factor<Lanes<S, L, FUSED>>,
+        lane: usize,
+    ) -> Self {
+        Self {
+            matrix: covariance_of_lane::<S, L, FUSED>(p, lane),
+            factor,
+            lane,
+        }
+    }
+}
+
+impl<S: Simd, L: Alignment, const FUSED: bool> CoefficientCovariance for OfLane<'_, S, L, FUSED> {
+    fn matrix(&self) -> &CoefficientMatrix {
+        &self.matrix
+    }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        Cow::Owned(self.factor.root(|v| v.lane(self.lane)))
+    }
 }
 
 /// The factorisation of what the chain has collected.
@@ -325,13 +359,13 @@ impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Covariance<'_, 
     }
 }
 
-/// A figure of merit of P_D, (°/h)².
-type Value<'a> = &'a dyn Fn(&CoefficientMatrix) -> Result<f64>;
+/// A figure of merit of P_D.
+type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
 
 /// What is wanted of every timeline. One type for all, so that they share their code.
 enum Wanted<'a> {
     /// tr(W P_D) for the diagonal of W.
-    WeightedTrace(PriorScale),
+    WeightedTrace(PriorScale, CoefficientVector),
     Value(Value<'a>),
 }
 
@@ -340,6 +374,26 @@ struct Values<'a> {
     /// What comes before and after the timelines, if they are parts of a test.
     between: Option<&'a Between>,
     wanted: Wanted<'a>,
+}
+
+impl Values<'_> {
+    /// What is wanted of a timeline whose information loses digits in a sum of squares: by its
+    /// rows.
+    fn by_rows(&self, i: usize) -> Result<f64> {
+        let Batch {
+            model,
+            timelines,
+            rule,
+        } = self.batch;
+        let end = match self.between {
+            None => Rooted::new(model.end_covariance_in_doubles(&timelines[i], rule)?.root),
+            Some(between) => Rooted::new(between.root(model, &timelines[i], rule)?),
+        };
+        match &self.wanted {
+            Wanted::WeightedTrace(_, weights) => Ok(end.matrix().diagonal().dot(weights)),
+            Wanted::Value(merit) => merit(&end),
+        }
+    }
 }
 
 impl LaneTask for Values<'_> {
@@ -360,20 +414,22 @@ impl LaneTask for Values<'_> {
             let information = run(&group, self.between, &mut tape);
             let factor = ar.apart(Factorise(ar, &information, &self.batch.model.prior_scale));
             match &self.wanted {
-                Wanted::WeightedTrace(weights) => {
+                Wanted::WeightedTrace(weights, _) => {
                     let traces = factor.weighted_trace(ar, weights);
                     for (lane, &i) in of.iter().enumerate() {
-                        if is_covariance(&factor, lane) {
-                            out[i] = Ok(traces.lane(lane));
-                        }
+                        out[i] = match keeps_digits_in(&factor, lane) {
+                            true => Ok(traces.lane(lane)),
+                            false => self.by_rows(i),
+                        };
                     }
                 }
                 Wanted::Value(merit) => {
                     let p = ar.apart(Covariance(ar, &factor));
                     for (lane, &i) in of.iter().enumerate() {
-                        if is_covariance(&factor, lane) {
-                            out[i] = merit(&covariance_of_lane::<S, L, FUSED>(&p, lane));
-                        }
+                        out[i] = match keeps_digits_in(&factor, lane) {
+                            true => merit(&OfLane::new(&p, &factor, lane)),
+                            false => self.by_rows(i),
+                        };
                     }
                 }
             }
@@ -415,11 +471,11 @@ impl CovarianceModel {
         rule: TickRule,
         weights: &CoefficientVector,
     ) -> Vec<Result<f64>> {
-        let wanted = Wanted::WeightedTrace(PriorScale::new(weights));
+        let wanted = Wanted::WeightedTrace(PriorScale::new(weights), *weights);
         self.in_lanes(timelines, rule, None, wanted)
     }
 
-    /// A figure of merit of every timeline, several at once: `merit` takes P_D in (°/h)².
+    /// A figure of merit of every timeline, several at once: `merit` takes P_D.
     ///
     /// P_D is that of [`CovarianceModel::end_covariance_by_gram`] to rounding (1e-12 of it); a
     /// timeline's depends by rounding on the others, never on threads.
@@ -432,7 +488,7 @@ impl CovarianceModel {
         &self,
         timelines: &[Timeline],
         rule: TickRule,
-        merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
         self.in_lanes(timelines, rule, None, Wanted::Value(&merit))
     }
@@ -448,7 +504,7 @@ impl CovarianceModel {
         timelines: &[Timeline],
         rule: TickRule,
         between: &Between,
-        merit: impl Fn(&CoefficientMatrix) -> Result<f64>,
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
         self.in_lanes(timelines, rule, Some(between), Wanted::Value(&merit))
     }

@@ -23,9 +23,9 @@ use nalgebra::Matrix3;
 
 use super::rows::Rows;
 use super::small::{condition, square_root, whitener};
-use super::{CovarianceModel, EndCovariance, TickRule, split_periods};
-use crate::attitude::{EAST, NORTH};
-use crate::drift::{CoefficientMatrix, DriftMatrix, times_drift_matrix};
+use super::{CovarianceModel, CovarianceRoot, EndCovariance, TickRule, split_periods};
+use crate::attitude::{Attitude, EAST, NORTH};
+use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
 
@@ -77,9 +77,12 @@ pub(crate) trait InformationSink {
     fn add(&mut self, rows: &DriftMatrix);
 }
 
-/// E itself, by Gram products: fast, for searches.
+/// E itself, by Gram products.
+#[cfg(test)]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Gram(pub CoefficientMatrix);
+pub(crate) struct Gram(pub crate::drift::CoefficientMatrix);
+
+#[cfg(test)]
 
 impl InformationSink for Gram {
     fn add(&mut self, rows: &DriftMatrix) {
@@ -124,7 +127,7 @@ impl CovarianceModel {
         for (index, leg) in legs.iter().enumerate() {
             runner.leg = index;
             if let Some(arrival) = &leg.arrival {
-                runner.arrive(arrival, leg, &legs[index - 1]);
+                runner.arrive(arrival, leg, &legs[index - 1].attitude);
             }
             runner.dwell(leg);
         }
@@ -139,11 +142,11 @@ impl CovarianceModel {
         }
     }
 
-    /// The move to `leg` from the leg `before` it, and its settle.
+    /// The move to `leg` from the attitude `before` it, and its settle.
     pub(crate) fn arrive<S: InformationSink>(
         &self,
         state: State,
-        [before, leg]: [&Leg; 2],
+        (before, leg): (&Attitude, &Leg),
         rule: TickRule,
         sink: &mut S,
     ) -> State {
@@ -200,8 +203,7 @@ impl CovarianceModel {
     pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
         /// Information of 1e-7 of a unit prior: its share of a σ is below 1e-13.
         const MOST_IN_DOUBLES: f64 = 1e9;
-        let mut rows = Rows::new(&self.prior_sigma);
-        let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
+        let (mut rows, state) = self.rows(timeline, rule);
         let largest = rows.largest();
         let root = rows.covariance_root();
         let lost = root.is_err() || largest > MOST_IN_DOUBLES;
@@ -210,25 +212,46 @@ impl CovarianceModel {
         }
         Ok(EndCovariance::new(root?, &state))
     }
+
+    fn rows(&self, timeline: &Timeline, rule: TickRule) -> (Rows, State) {
+        let mut rows = Rows::new(&self.prior_sigma);
+        let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
+        (rows, state)
+    }
+
+    /// The same in doubles, whatever the priors: for searches.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::end_covariance`].
+    pub(crate) fn end_covariance_in_doubles(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+    ) -> Result<EndCovariance> {
+        let (rows, state) = self.rows(timeline, rule);
+        Ok(EndCovariance::new(rows.covariance_root()?, &state))
+    }
 }
 
 impl EndCovariance {
     /// P_D = L Lᵀ; ψ^n's covariance is P + (V L)(V L)ᵀ. By V P_D Vᵀ it would be a difference of
     /// large numbers under weak priors, and could come out negative.
-    fn new(root: CoefficientMatrix, state: &State) -> Self {
-        let through_drift = state.v * root;
+    fn new(root: CovarianceRoot, state: &State) -> Self {
+        let through_drift = state.v * root.matrix();
         Self {
-            coefficients: root * root.transpose(),
+            coefficients: root.matrix() * root.matrix().transpose(),
+            root,
             misalignment: state.p + through_drift * through_drift.transpose(),
         }
     }
 }
 
 impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
-    fn arrive(&mut self, arrival: &Move, leg: &Leg, previous: &Leg) {
+    fn arrive(&mut self, arrival: &Move, leg: &Leg, previous: &Attitude) {
         if self.model.frame_hold {
             self.recorder.record(self.leg, Step::Rotate);
-            let q = leg.attitude.matrix() * previous.attitude.matrix().transpose();
+            let q = leg.attitude.matrix() * previous.matrix().transpose();
             self.state.v = q * self.state.v;
             self.state.p = q * self.state.p * q.transpose();
         } else if arrival.measured {

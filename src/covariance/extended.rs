@@ -16,7 +16,7 @@ use super::number::{
     Array, Extended, Number, convert, identity, inverse_of_triangle, product, sin_cos, sum, times,
     transposed, zeros,
 };
-use super::{CovarianceModel, EndCovariance, not_finite, split_periods};
+use super::{CovarianceModel, CovarianceRoot, EndCovariance, not_finite, split_periods};
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftCoefficient};
 use crate::error::Result;
@@ -198,6 +198,10 @@ impl<'a> Chain<'a> {
         );
         let end = EndCovariance {
             coefficients: CoefficientMatrix::from_fn(|i, j| coefficients[i][j].f64()),
+            root: CovarianceRoot::new(
+                CoefficientMatrix::from_fn(|i, j| root[i][j].f64()),
+                std::array::from_fn(|i| i),
+            ),
             misalignment: Matrix3::from_fn(|i, j| misalignment[i][j].f64()),
         };
         let numbers = end.coefficients.iter().chain(end.misalignment.iter());

@@ -22,11 +22,13 @@ use std::ops::Range;
 use nalgebra::{Matrix3, SMatrix};
 
 use super::batch::between::Between;
-use super::chain::{Gram, Measured, Passage, Recorder, State, Step, measurement_root};
+use super::chain::{InformationSink, Measured, Passage, Recorder, State, Step, measurement_root};
+use super::rows::{Rows, Told, Whitened};
 use super::small::{square_root, whitener};
-use super::{CovarianceModel, TickRule};
+use super::{CoefficientCovariance, CovarianceModel, Rooted, Slope, TickRule};
 use crate::attitude::{EAST, NORTH};
-use crate::drift::{CoefficientMatrix, DriftMatrix, times_drift_matrix};
+use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix, times_drift_matrix};
+use crate::error::Result;
 use crate::motion::{Leg, Timeline};
 
 /// What the rest of a test tells about (ψ^n, D) at a cut.
@@ -38,6 +40,53 @@ pub(crate) struct Rest {
     drift: DriftMatrix,
     /// E': information on D alone.
     information: CoefficientMatrix,
+    /// Its triangle of rows, in units of the prior σ; up to date at the cuts.
+    triangle: CoefficientMatrix,
+}
+
+/// Information on D as a sum of squares, and as rows for where that loses digits.
+struct Both {
+    gram: CoefficientMatrix,
+    rows: Rows,
+}
+
+impl Both {
+    fn nothing(prior_sigma: &CoefficientVector) -> Self {
+        Self {
+            gram: CoefficientMatrix::zeros(),
+            rows: Rows::new(prior_sigma),
+        }
+    }
+
+    fn now(&mut self) -> Known {
+        Known {
+            gram: self.gram,
+            triangle: self.rows.triangle(),
+        }
+    }
+}
+
+impl InformationSink for Both {
+    fn add(&mut self, rows: &DriftMatrix) {
+        self.gram.gemm_tr(1.0, rows, rows, 1.0);
+        self.rows.add(rows);
+    }
+}
+
+/// Information on D at a cut: E, and its triangle of rows in units of the prior σ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Known {
+    gram: CoefficientMatrix,
+    triangle: CoefficientMatrix,
+}
+
+impl Known {
+    fn nothing() -> Self {
+        Self {
+            gram: CoefficientMatrix::zeros(),
+            triangle: CoefficientMatrix::zeros(),
+        }
+    }
 }
 
 impl Rest {
@@ -47,6 +96,7 @@ impl Rest {
             psi: Matrix3::zeros(),
             drift: DriftMatrix::zeros(),
             information: CoefficientMatrix::zeros(),
+            triangle: CoefficientMatrix::zeros(),
         }
     }
 
@@ -56,6 +106,7 @@ impl Rest {
             psi: *psi,
             drift: *drift,
             information: *information,
+            triangle: CoefficientMatrix::zeros(),
         }
     }
 
@@ -71,8 +122,20 @@ impl Rest {
         self.psi = w * self.psi * phi;
     }
 
-    /// With three more rows `psi ψ^n + drift D`.
+    /// With three more rows `psi ψ^n + drift D`, what they tell of D alone added to E'.
     pub fn with_rows(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix) {
+        let alone = self.folded(psi, drift);
+        self.information.gemm_tr(1.0, &alone, &alone, 1.0);
+    }
+
+    /// The same, but what they tell of D alone is added to `known`.
+    fn with_rows_and(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix, known: &mut Both) {
+        known.add(&self.folded(psi, drift));
+    }
+
+    /// Takes three more rows `psi ψ^n + drift D` up into the three that are held, and gives the
+    /// three that are left: those of D alone.
+    fn folded(&mut self, psi: &Matrix3<f64>, drift: &DriftMatrix) -> DriftMatrix {
         let mut rows = SMatrix::<f64, 6, 15>::zeros();
         rows.fixed_view_mut::<3, 3>(0, 0).copy_from(psi);
         rows.fixed_view_mut::<3, 12>(0, 3).copy_from(drift);
@@ -81,7 +144,7 @@ impl Rest {
         triangularise(&mut rows);
         self.psi = rows.fixed_view::<3, 3>(0, 0).into_owned();
         self.drift = rows.fixed_view::<3, 12>(0, 3).into_owned();
-        self.add_information(&rows.fixed_view::<3, 12>(3, 3).into_owned());
+        rows.fixed_view::<3, 12>(3, 3).into_owned()
     }
 
     /// With more information on D alone.
@@ -89,8 +152,11 @@ impl Rest {
         self.information += more;
     }
 
-    fn add_information(&mut self, rows: &DriftMatrix) {
-        self.information.gemm_tr(1.0, rows, rows, 1.0);
+    /// With the information `known` on D alone.
+    fn with(mut self, known: Known) -> Self {
+        self.information = known.gram;
+        self.triangle = known.triangle;
+        self
     }
 }
 
@@ -128,11 +194,18 @@ pub(crate) struct Cuts<'a> {
     rule: TickRule,
     legs: &'a [Leg],
     /// Before the dwell of each leg, after its arrival.
-    before_dwell: Vec<(State, CoefficientMatrix)>,
+    before_dwell: Vec<(State, Known)>,
     /// After the dwell of each leg.
-    after_dwell: Vec<(State, CoefficientMatrix)>,
+    after_dwell: Vec<(State, Known)>,
     /// From the dwell of each leg on.
     rest: Vec<Rest>,
+}
+
+/// Information that nobody wants.
+struct Ignored;
+
+impl InformationSink for Ignored {
+    fn add(&mut self, _: &DriftMatrix) {}
 }
 
 /// Remembers which steps a chain takes.
@@ -157,14 +230,15 @@ impl<'a> Cuts<'a> {
             after_dwell: Vec::with_capacity(legs.len()),
             rest: vec![Rest::nothing(); legs.len()],
         };
-        let (mut state, mut gram) = (model.start_state(), Gram(CoefficientMatrix::zeros()));
+        let (mut state, mut known) = (model.start_state(), Both::nothing(&model.prior_sigma));
         for (k, leg) in legs.iter().enumerate() {
             if k > 0 {
-                state = model.arrive(state, [&legs[k - 1], leg], rule, &mut gram);
+                let before = &legs[k - 1].attitude;
+                state = model.arrive(state, (before, leg), rule, &mut known);
             }
-            cuts.before_dwell.push((state, gram.0));
-            state = model.dwell(state, leg, rule, &mut gram);
-            cuts.after_dwell.push((state, gram.0));
+            cuts.before_dwell.push((state, known.now()));
+            state = model.dwell(state, leg, rule, &mut known);
+            cuts.after_dwell.push((state, known.now()));
         }
         cuts.go_back(timeline);
         cuts
@@ -172,10 +246,9 @@ impl<'a> Cuts<'a> {
 
     fn go_back(&mut self, timeline: &Timeline) {
         let mut steps = Steps::default();
-        let mut ignored = Gram(CoefficientMatrix::zeros());
         self.model
-            .run(timeline, self.rule, &mut ignored, &mut steps);
-        let mut rest = Rest::nothing();
+            .run(timeline, self.rule, &mut Ignored, &mut steps);
+        let (mut rest, mut known) = (Rest::nothing(), Both::nothing(&self.model.prior_sigma));
         let mut steps = steps.0.into_iter().rev().peekable();
         for leg in (0..self.legs.len()).rev() {
             let in_dwell = |step: &Step| {
@@ -193,24 +266,24 @@ impl<'a> Cuts<'a> {
                 )
             };
             while let Some((_, step)) = steps.next_if(|(l, step)| *l == leg && in_dwell(step)) {
-                self.back(&mut rest, leg, step);
+                self.back(&mut rest, &mut known, leg, step);
             }
-            self.rest[leg] = rest;
+            self.rest[leg] = rest.with(known.now());
             while let Some((_, step)) = steps.next_if(|(l, _)| *l == leg) {
-                self.back(&mut rest, leg, step);
+                self.back(&mut rest, &mut known, leg, step);
             }
         }
     }
 
-    fn back(&self, rest: &mut Rest, leg: usize, step: Step) {
+    fn back(&self, rest: &mut Rest, known: &mut Both, leg: usize, step: Step) {
         let (model, l) = (self.model, &self.legs[leg]);
         match step {
             Step::Dwell { periods } => {
                 let k = model.kernels.kernel(periods);
                 let a = |m: &Matrix3<f64>| times_drift_matrix(m, &l.attitude);
                 rest.through(&k.a_psi, &a(&k.a_epsilon), &k.c);
-                rest.with_rows(&k.r11, &a(&k.r12));
-                rest.add_information(&a(&k.r22));
+                rest.with_rows_and(&k.r11, &a(&k.r12), known);
+                known.add(&a(&k.r22));
             }
             Step::Pass { passage, length_s } => {
                 let dynamics = &model.dynamics;
@@ -224,7 +297,7 @@ impl<'a> Cuts<'a> {
                 rest.through(&dynamics.transition(length_s), &b, &noise);
             }
             Step::Measure { weight, .. } => {
-                rest.with_rows(&measurement_root(weight), &DriftMatrix::zeros());
+                rest.with_rows_and(&measurement_root(weight), &DriftMatrix::zeros(), known);
             }
             Step::Rotate => {
                 let q = l.attitude.matrix() * self.legs[leg - 1].attitude.matrix().transpose();
@@ -241,45 +314,50 @@ impl<'a> Cuts<'a> {
         let from = replaced.start.checked_sub(1);
         let from = from.map(|k| self.legs[k].attitude);
         match self.rest.get(replaced.end) {
-            None => Between::new(&state.v, &state.p, from, &before, None),
+            None => Between::new(&state, from, (&before.gram, before.triangle), None),
             Some(rest) => Between::new(
-                &state.v,
-                &state.p,
+                &state,
                 from,
-                &(before + rest.information),
+                (
+                    &(before.gram + rest.information),
+                    self.together([&before.triangle, &rest.triangle]).triangle(),
+                ),
                 Some((&rest.psi, &rest.drift)),
             ),
         }
     }
 
+    fn together(&self, triangles: [&CoefficientMatrix; 2]) -> Rows {
+        let mut rows = Rows::new(&self.model.prior_sigma);
+        triangles.into_iter().for_each(|r| rows.add_triangle(r));
+        rows
+    }
+
     /// The state in which leg `leg` begins, with the information collected until then.
-    fn state_before(&self, leg: usize) -> (State, CoefficientMatrix) {
+    fn state_before(&self, leg: usize) -> (State, Known) {
         match leg.checked_sub(1) {
             Some(k) => self.after_dwell[k],
-            None => (self.model.start_state(), CoefficientMatrix::zeros()),
+            None => (self.model.start_state(), Known::nothing()),
         }
     }
 
-    /// Information on D of the whole timeline.
-    pub fn information(&self) -> CoefficientMatrix {
-        self.after_dwell
-            .last()
-            .map_or_else(CoefficientMatrix::zeros, |(_, e)| *e)
-    }
-
-    /// What a position inserted before (`leg` = index of the leg it would come before) is worth.
-    /// `information_adjoint` is Ē = ∂merit/∂E.
-    pub fn insertion(&self, leg: usize, information_adjoint: &CoefficientMatrix) -> Insertion {
-        let (state, rest) = match self.rest.get(leg) {
-            Some(rest) => (self.before_dwell[leg].0, *rest),
-            None => (
-                self.after_dwell
-                    .last()
-                    .map_or_else(|| self.model.start_state(), |(state, _)| *state),
-                Rest::nothing(),
-            ),
+    /// What a position inserted before (`leg` = index of the leg it would come before) is worth by
+    /// a figure of merit of P_D.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows; what
+    /// `merit` returns.
+    pub fn insertion(
+        &self,
+        leg: usize,
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+    ) -> Result<Insertion> {
+        let ((state, known), rest) = match self.rest.get(leg) {
+            Some(rest) => (self.before_dwell[leg], *rest),
+            None => (self.state_before(self.legs.len()), Rest::nothing()),
         };
-        Insertion::new(self.model, &state, &rest, information_adjoint)
+        Insertion::new(self.model, &state, &known, &rest, merit)
     }
 }
 
@@ -300,15 +378,36 @@ pub(crate) struct Insertion {
 impl Insertion {
     fn new(
         model: &CovarianceModel,
-        state: &State,
+        State { v, p }: &State,
+        known: &Known,
         rest: &Rest,
-        information_adjoint: &CoefficientMatrix,
-    ) -> Self {
-        let State { v, p } = state;
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+    ) -> Result<Self> {
         let t = rest.psi * v + rest.drift;
         let w = whitener(&(rest.psi * square_root(p)));
-        let s_inv_t = w.transpose() * (w * t);
-        let s_inv_t_e = s_inv_t * information_adjoint;
+        let whitened_t = w * t;
+        // Ē times the rows that come of the rest, and times those of ψ_x and ψ_z seen here, which
+        // do not count yet.
+        let told = |rows: &DriftMatrix, scale: f64| {
+            let row = |i: usize| std::array::from_fn(|j| rows[(i, j)]);
+            [0, 1, 2].map(|i| Told::new(&row(i), scale, &model.prior_sigma))
+        };
+        let (of_rest, of_psi) = (told(&whitened_t, 1.0), told(v, 0.0));
+        let others = [&known.triangle, &rest.triangle].into_iter().flat_map(|r| {
+            r.row_iter().map(|row| Told {
+                row: std::array::from_fn(|j| row[j]),
+                scale: 1.0,
+            })
+        });
+        let all: Vec<Told> = of_rest.into_iter().chain(of_psi).chain(others).collect();
+        let whitened = Whitened::new(&all, &model.prior_sigma)?;
+        let of = Rooted::new(whitened.root.clone());
+        let (_, slope) = merit(&of)?;
+        let pulled = whitened.times_adjoint(&slope.in_root(&of));
+        let pulled = |first: usize| DriftMatrix::from_fn(|i, j| pulled[first + i][j]);
+        let s_inv_t = w.transpose() * whitened_t;
+        let s_inv_t_e = w.transpose() * pulled(0);
+        let psi_e = pulled(3);
         let v_adjoint = rest.psi.transpose() * s_inv_t_e * 2.0;
         let p_adjoint = -(rest.psi.transpose() * (s_inv_t_e * s_inv_t.transpose()) * rest.psi);
         let weight = 1.0 / (model.period_s * model.noise_variance);
@@ -320,11 +419,11 @@ impl Insertion {
         let fp = f * p;
         let v_rate = f * v - gain * v;
         let p_rate = fp + fp.transpose() + Matrix3::identity() * model.drift_psd - gain * p;
-        let through_e = (seen * v * information_adjoint).dot(v);
-        Self {
+        let through_e = (seen * psi_e).dot(v);
+        Ok(Self {
             constant: v_adjoint.dot(&v_rate) + p_adjoint.dot(&p_rate) + through_e,
             v_adjoint,
-        }
+        })
     }
 
     /// The derivative at an attitude with drift matrix A, per s.
@@ -337,8 +436,8 @@ impl Insertion {
 mod tests {
     use super::*;
     use crate::attitude::Position;
-    use crate::covariance::chain::{InformationSink, NoRecord};
-    use crate::covariance::covariance_from_information;
+    use crate::covariance::CovarianceRoot;
+    use crate::covariance::chain::{Gram, NoRecord};
     use crate::criterion::{Criterion, Smoothing};
     use crate::drift::drift_matrix;
     use crate::motion::Timeline;
@@ -423,7 +522,12 @@ mod tests {
             for rule in [TickRule::Filter, TickRule::Relaxed] {
                 let before = timeline(&platform, &positions());
                 let cuts = Cuts::new(&model, &before, rule);
-                assert_same(&cuts.information(), &information(&model, &before, rule));
+                let known = cuts.after_dwell.last().unwrap().1;
+                assert_same(&known.gram, &information(&model, &before, rule));
+                // The same as rows, in units of the prior σ.
+                let sigma = CoefficientMatrix::from_diagonal(&model.prior_sigma);
+                let scaled = sigma * known.gram * sigma;
+                assert_same(&(known.triangle.transpose() * known.triangle), &scaled);
                 let offset = before.positions().start;
                 for k in 0..positions().len() {
                     let changed =
@@ -444,12 +548,17 @@ mod tests {
                         let first = offset + k;
                         let around = cuts.around(replaced.start + offset..replaced.end + offset);
                         let part = after.part(first..first + new);
-                        let figure = |p: &CoefficientMatrix| Ok(p.dot(&weights));
+                        let figure = |p: &dyn CoefficientCovariance| Ok(p.matrix().dot(&weights));
                         let found = model.values_between(&[part], rule, &around, figure);
                         let found = *found[0].as_ref().unwrap();
+                        let part = after.part(first..first + new);
+                        let by_rows = Rooted::new(around.root(&model, &part, rule).unwrap());
+                        let by_rows = by_rows.matrix().dot(&weights);
                         let expected = model.end_covariance(&after, rule).unwrap();
                         let expected = expected.coefficients.dot(&weights);
                         assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+                        let error = (by_rows / expected - 1.0).abs();
+                        assert!(error < 1e-9, "{by_rows} {expected}");
                     }
                 }
             }
@@ -474,18 +583,23 @@ mod tests {
             let model = CovarianceModel::new(&platform);
             let before = timeline(&platform, &positions());
             let rule = TickRule::Relaxed;
+            let criterion = Criterion::rms();
             let merit = |e: &CoefficientMatrix| {
-                let p = covariance_from_information(e, &model.prior_sigma).unwrap();
-                let criterion = Criterion::rms();
-                let (value, slope) = criterion.log_with_gradient(&p, Smoothing::Exact).unwrap();
-                (value, -(p * slope * p))
+                let prior = model.prior_sigma.map(|s| 1.0 / (s * s));
+                let p = (e + CoefficientMatrix::from_diagonal(&prior)).cholesky();
+                // L Lᵀ = E gives P = L⁻ᵀ L⁻¹, L⁻ᵀ an upper triangle.
+                let root = p.unwrap().l().try_inverse().unwrap().transpose();
+                let p = Rooted::new(CovarianceRoot::new(root, std::array::from_fn(|i| i)));
+                criterion.log(&p, Smoothing::Exact).unwrap()
             };
             let cuts = Cuts::new(&model, &before, rule);
-            let (_, adjoint) = merit(&cuts.information());
             let offset = before.positions().start;
             for k in 0..=positions().len() {
                 let position = Position::from_deg(33.0, -50.0, 120.0);
-                let insertion = cuts.insertion(offset + k, &adjoint);
+                let slope = |p: &dyn CoefficientCovariance| {
+                    criterion.log_with_gradient(p, Smoothing::Exact)
+                };
+                let insertion = cuts.insertion(offset + k, slope).unwrap();
                 let exact = insertion.at(&drift_matrix(&position.attitude()));
                 // The dwell alone, at the cut, without moves there and back.
                 let value = |dwell_s: f64| {
@@ -493,14 +607,14 @@ mod tests {
                         Some(before) => *before,
                         None => cuts.after_dwell[offset + k - 1],
                     };
-                    let mut gram = Gram(state.1);
+                    let mut gram = Gram(state.1.gram);
                     let held = ScheduledPosition::new(position, dwell_s);
                     let legs = timeline(&platform, &[held]);
                     let leg = legs.position_legs()[0];
                     let after = model.dwell(state.0, &leg, rule, &mut gram);
                     let rest = cuts.rest.get(offset + k).copied();
                     let rest = rest.unwrap_or_else(Rest::nothing);
-                    merit(&joined(&rest, &after, &gram.0)).0
+                    merit(&joined(&rest, &after, &gram.0))
                 };
                 let h = 0.03;
                 let numeric =

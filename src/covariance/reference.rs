@@ -37,7 +37,7 @@ use super::number::{
     Array, Extended, Number, convert, identity, inverse_of_triangle, product, sum, transposed,
     zeros,
 };
-use super::{EndCovariance, split_periods};
+use super::{CovarianceRoot, EndCovariance, split_periods};
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
@@ -350,6 +350,7 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
         let root = self.drift_root();
         let end = EndCovariance {
             coefficients: root * root.transpose(),
+            root: CovarianceRoot::new(root, *self.drift.order()),
             misalignment: self.misalignment_covariance(),
         };
         let finite = |mut values: std::slice::Iter<'_, f64>| values.all(|v| v.is_finite());

@@ -6,10 +6,10 @@
 //! pivoted and large rows come first, which makes Householder QR backward stable row by row (Cox &
 //! Higham, *Stability of Householder QR factorization for weighted least squares problems*, 1998).
 
-use nalgebra::SMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 use super::chain::InformationSink;
-use super::not_finite;
+use super::{CovarianceRoot, not_finite};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::error::Result;
 
@@ -18,6 +18,7 @@ const FRESH: usize = 60;
 const HEIGHT: usize = COEFFICIENTS + FRESH;
 
 /// Rows of the information on D, in units of the prior σ.
+#[derive(Debug, Clone)]
 pub(super) struct Rows {
     prior_sigma: CoefficientVector,
     /// The triangularised past, then fresh rows.
@@ -41,12 +42,27 @@ impl Rows {
         self.stack.amax()
     }
 
+    /// R of all rows, in units of the prior σ.
+    pub fn triangle(&mut self) -> CoefficientMatrix {
+        self.compress();
+        self.stack.fixed_rows::<COEFFICIENTS>(0).into_owned()
+    }
+
+    /// Adds such an R.
+    pub fn add_triangle(&mut self, r: &CoefficientMatrix) {
+        self.compress();
+        self.stack
+            .fixed_rows_mut::<COEFFICIENTS>(COEFFICIENTS)
+            .copy_from(r);
+        self.used = 2 * COEFFICIENTS;
+    }
+
     /// L with P_D = L Lᵀ = S (RᵀR + I)⁻¹ S, S the prior σ.
     ///
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
-    pub fn covariance_root(mut self) -> Result<CoefficientMatrix> {
+    pub fn covariance_root(mut self) -> Result<CovarianceRoot> {
         self.compress();
         let mut with_prior = SMatrix::<f64, { 2 * COEFFICIENTS }, COEFFICIENTS>::zeros();
         with_prior
@@ -59,16 +75,9 @@ impl Rows {
             return Err(not_finite());
         }
         let qr = with_prior.col_piv_qr();
-        let mut root = CoefficientMatrix::identity();
-        if !qr.r().solve_upper_triangular_mut(&mut root) {
-            return Err(not_finite());
-        }
-        // Rows of `root` are in pivot order; put them back, in units of °/h.
-        qr.p().inv_permute_rows(&mut root);
-        for (i, mut row) in root.row_iter_mut().enumerate() {
-            row *= self.prior_sigma[i];
-        }
-        Ok(root)
+        let mut pivots = in_order();
+        qr.p().permute_rows(&mut pivots);
+        root_of_triangle(&qr.r(), pivots.into(), &self.prior_sigma)
     }
 
     fn compress(&mut self) {
@@ -80,6 +89,115 @@ impl Rows {
         self.stack.fixed_rows_mut::<COEFFICIENTS>(0).copy_from(&r);
         self.used = COEFFICIENTS;
     }
+}
+
+/// A row on D in units of the prior σ, and the information with which it counts: `scale` times the
+/// row has unit noise.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Told {
+    pub row: [f64; COEFFICIENTS],
+    pub scale: f64,
+}
+
+impl Told {
+    /// Of a row on D and the prior σ.
+    pub fn new(row: &[f64; COEFFICIENTS], scale: f64, prior_sigma: &CoefficientVector) -> Self {
+        Self {
+            row: std::array::from_fn(|j| row[j] * prior_sigma[j]),
+            scale,
+        }
+    }
+}
+
+/// Rows on D, triangularised together with the prior, and what Ē does to each of them.
+///
+/// Of a row x that measurements tell, x P_D is 1e22 times less than x and P_D say where that is the
+/// condition of P_D. As (x L) Lᵀ with x L from the factorisation it keeps its digits, x L being
+/// what the row adds to each pivot.
+pub(super) struct Whitened {
+    /// L.
+    pub root: CovarianceRoot,
+    /// The rows times L.
+    rows: DMatrix<f64>,
+}
+
+impl Whitened {
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
+    pub fn new(told: &[Told], prior_sigma: &CoefficientVector) -> Result<Self> {
+        let size = |t: &Told| t.scale * t.row.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
+        let mut order: Vec<(f64, usize)> = told.iter().map(size).zip(0..).collect();
+        if !order.iter().all(|(size, _)| size.is_finite()) {
+            return Err(not_finite());
+        }
+        order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut stack = DMatrix::zeros(told.len() + COEFFICIENTS, COEFFICIENTS);
+        for (to, (_, from)) in order.iter().enumerate() {
+            for j in 0..COEFFICIENTS {
+                stack[(to, j)] = told[*from].row[j] * told[*from].scale;
+            }
+        }
+        stack
+            .rows_mut(told.len(), COEFFICIENTS)
+            .fill_with_identity();
+        let qr = stack.col_piv_qr();
+        let r = qr
+            .r()
+            .fixed_view::<COEFFICIENTS, COEFFICIENTS>(0, 0)
+            .into_owned();
+        let mut pivots = in_order();
+        qr.p().permute_rows(&mut pivots);
+        let pivots: [usize; COEFFICIENTS] = pivots.into();
+        let scaled = root_of_triangle(&r, pivots, &CoefficientVector::repeat(1.0))?;
+        let q = qr.q();
+        let mut rows = DMatrix::zeros(told.len(), COEFFICIENTS);
+        for (at, (_, k)) in order.iter().enumerate() {
+            let Told { row, scale } = &told[*k];
+            if *scale > 0.0 {
+                rows.set_row(*k, &(q.row(at) / *scale));
+            } else {
+                // A row that does not count yet adds nothing to a pivot.
+                let row = CoefficientVector::from(*row).transpose();
+                rows.set_row(*k, &(row * scaled.matrix()));
+            }
+        }
+        Ok(Self {
+            root: root_of_triangle(&r, pivots, prior_sigma)?,
+            rows,
+        })
+    }
+
+    /// Every row times Ē = −L K Lᵀ.
+    pub fn times_adjoint(&self, in_root: &CoefficientMatrix) -> Vec<[f64; COEFFICIENTS]> {
+        let pulled = -(in_root * self.root.matrix().transpose());
+        let all = &self.rows * pulled;
+        all.row_iter()
+            .map(|row| std::array::from_fn(|j| row[j]))
+            .collect()
+    }
+}
+
+/// S P R⁻¹: `pivots` are the coefficients in the order of the columns of R, S the prior σ.
+fn root_of_triangle(
+    r: &CoefficientMatrix,
+    pivots: [usize; COEFFICIENTS],
+    prior_sigma: &CoefficientVector,
+) -> Result<CovarianceRoot> {
+    let mut inverse = CoefficientMatrix::identity();
+    if !r.solve_upper_triangular_mut(&mut inverse) {
+        return Err(not_finite());
+    }
+    let mut root = CoefficientMatrix::zeros();
+    for (k, &coefficient) in pivots.iter().enumerate() {
+        root.set_row(coefficient, &(inverse.row(k) * prior_sigma[coefficient]));
+    }
+    Ok(CovarianceRoot::new(root, pivots))
+}
+
+/// The coefficients in order, for a permutation to put in its own.
+fn in_order() -> SMatrix<usize, COEFFICIENTS, 1> {
+    SMatrix::from_fn(|i, _| i)
 }
 
 /// Puts the largest of the first `used` rows first.

@@ -1,8 +1,9 @@
 //! Dwell times as a sequence of convex quadratic programs, solved by clarabel.
 //!
 //! Around the dwells d the information is E(d + Δ) ≈ E + Σ_k Δ_k E'_k with E'_k = ∂E/∂d_k taken
-//! through the whole chain. Of the merit's dependence on E, the second derivative
-//! H_jk = 2 tr(G P E'_j P E'_k P), G = ∂merit/∂P ⪰ 0, is positive semidefinite (it is a Gram
+//! through the whole chain. With P = L Lᵀ, M_k = Lᵀ E'_k L and K = Lᵀ G L, G = ∂merit/∂P ⪰ 0, the
+//! gradient is −tr(K M_k); the second derivative of the merit's dependence on E,
+//! H_jk = 2 tr(G P E'_j P E'_k P) = 2 tr(K M_j M_k), is positive semidefinite (it is a Gram
 //! matrix), so
 //!
 //! ```text
@@ -20,10 +21,10 @@ use clarabel::solver::{
 use super::context::{Context, Work};
 use super::plan::Refined;
 use super::variables::Plan;
-use crate::covariance::chain::{Gram, NoRecord};
-use crate::covariance::{TickRule, covariance_from_information};
+use crate::covariance::chain::{InformationSink, NoRecord};
+use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
-use crate::drift::CoefficientMatrix;
+use crate::drift::{CoefficientMatrix, DriftMatrix};
 use crate::evaluate::Evaluator;
 
 /// Steps of the sequence.
@@ -85,6 +86,20 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
     Some(Refined { plan: next, merit })
 }
 
+/// Lᵀ E L, from rows that are seen through L before they are squared: no row of E is as short, and
+/// none as long, as in its own units.
+struct SeenThrough<'a> {
+    root: &'a CoefficientMatrix,
+    sum: CoefficientMatrix,
+}
+
+impl InformationSink for SeenThrough<'_> {
+    fn add(&mut self, rows: &DriftMatrix) {
+        let seen = rows * self.root;
+        self.sum.gemm_tr(1.0, &seen, &seen, 1.0);
+    }
+}
+
 /// Gradient and convex curvature of the merit in the dwells.
 struct LocalModel {
     gradient: Vec<f64>,
@@ -101,22 +116,25 @@ impl LocalModel {
     ) -> Option<Self> {
         let model = evaluator.model();
         let platform = evaluator.platform();
-        let information = |plan: &Plan| {
-            let mut gram = Gram(CoefficientMatrix::zeros());
-            model.run(
-                &plan.timeline(platform),
-                TickRule::Relaxed,
-                &mut gram,
-                &mut NoRecord,
-            );
-            gram.0
-        };
         let count = plan.angles.len();
         work.count_evaluations(count as u64 + 1);
-        let here = information(plan);
+        let timeline = plan.timeline(platform);
+        let end = model.end_covariance_in_doubles(&timeline, TickRule::Relaxed);
         // Without a local model the dwells stay as they are.
-        let p = covariance_from_information(&here, &model.prior_sigma).ok()?;
-        let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
+        let end = end.ok()?;
+        let (_, slope) = evaluator.merit_and_slope(&end, smoothing).ok()?;
+        let slope = slope.in_root(&end);
+        let root = end.root();
+        let information = |plan: &Plan| {
+            let mut seen = SeenThrough {
+                root: root.matrix(),
+                sum: CoefficientMatrix::zeros(),
+            };
+            let timeline = plan.timeline(platform);
+            model.run(&timeline, TickRule::Relaxed, &mut seen, &mut NoRecord);
+            seen.sum
+        };
+        let here = information(plan);
         // One period ahead: long against rounding, short against the dwell.
         let ahead = platform.period_s();
         let mut pulled = Vec::with_capacity(count);
@@ -125,15 +143,13 @@ impl LocalModel {
             let mut longer = plan.clone();
             longer.dwell_s[k] += ahead;
             let rate = (information(&longer) - here) / ahead;
-            let rate_p = rate * p;
-            let p_rate_p = p * rate_p;
-            gradient.push(-slope.dot(&p_rate_p));
-            pulled.push((rate_p, slope * p_rate_p));
+            gradient.push(-slope.dot(&rate));
+            pulled.push((rate, slope * rate));
         }
         let mut curvature = vec![0.0; count * count];
         for j in 0..count {
             for k in 0..count {
-                // tr(G P E'_j P E'_k P) = Σ (G P E'_j P)ᵀ ∘ (E'_k P).
+                // tr(K M_j M_k) = Σ (K M_j)ᵀ ∘ M_k.
                 curvature[j * count + k] = 2.0 * pulled[j].1.transpose().dot(&pulled[k].0);
             }
         }

@@ -267,11 +267,7 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
         .model()
         .end_covariance(&timeline, TickRule::Filter)
         .ok()?;
-    let criterion = evaluator
-        .objective()
-        .criterion
-        .value(&end.coefficients)
-        .ok()?;
+    let criterion = evaluator.objective().criterion.value(&end).ok()?;
     Some(Candidate {
         plan,
         merit,

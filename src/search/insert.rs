@@ -17,9 +17,9 @@ use super::variables::Plan;
 use super::ways::in_deg;
 use crate::attitude::{Attitude, Degrees, Position};
 use crate::covariance::incremental::{Cuts, Insertion};
-use crate::covariance::{TickRule, covariance_from_information};
+use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
-use crate::drift::{CoefficientMatrix, drift_matrix};
+use crate::drift::drift_matrix;
 use crate::motion::{equivalent_positions, way};
 use crate::platform::Platform;
 
@@ -93,13 +93,13 @@ impl Gaps {
         let (platform, model) = (evaluator.platform(), evaluator.model());
         let timeline = plan.timeline(platform);
         let cuts = Cuts::new(model, &timeline, TickRule::Relaxed);
-        let adjoint = information_adjoint(context, smoothing, &cuts.information())?;
+        let merit = |p: &dyn CoefficientCovariance| evaluator.merit_and_slope(p, smoothing);
         context.work.count_evaluations(2);
         let held = timeline.positions();
         Some(Self {
             insertions: (held.start..=held.end)
-                .map(|leg| cuts.insertion(leg, &adjoint))
-                .collect(),
+                .map(|leg| cuts.insertion(leg, merit).ok())
+                .collect::<Option<_>>()?,
             price: price_of_time(context, smoothing, plan)?,
             dwell_s: (SHARE * timeline.total_time_s() / plan.angles.len() as f64)
                 .max(platform.shortest_dwell_s()),
@@ -135,19 +135,6 @@ impl Gaps {
         promising.sort_by(|a, b| a.0.total_cmp(&b.0));
         promising.into_iter().map(|(_, gap, p)| (gap, p)).collect()
     }
-}
-
-/// Ē = ∂merit/∂E = −P_D G P_D of the covariance's part of the merit.
-fn information_adjoint(
-    context: Context<'_>,
-    smoothing: Smoothing,
-    information: &CoefficientMatrix,
-) -> Option<CoefficientMatrix> {
-    let evaluator = context.evaluator;
-    // Without a derivative no position is proposed.
-    let p = covariance_from_information(information, &evaluator.model().prior_sigma).ok()?;
-    let (_, slope) = evaluator.merit_and_slope(&p, smoothing).ok()?;
-    Some(-(p * slope * p))
 }
 
 /// What one more second of test changes the merit by, given to all dwells in proportion.

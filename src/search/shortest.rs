@@ -243,11 +243,7 @@ impl RootSearch<'_> {
             .model()
             .end_covariance(&timeline, TickRule::Filter)
             .ok()?;
-        self.evaluator
-            .objective()
-            .criterion
-            .value(&end.coefficients)
-            .ok()
+        self.evaluator.objective().criterion.value(&end).ok()
     }
 
     /// The nearest feasible points: what can be met in this time, what time would be enough.

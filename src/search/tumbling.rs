@@ -222,7 +222,7 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
     let model = context.evaluator.model();
     let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
     let criterion = context.evaluator.objective().criterion;
-    Some((criterion.value(&end.coefficients).ok()?, schedule))
+    Some((criterion.value(&end).ok()?, schedule))
 }
 
 /// Angles to the stand's resolution, durations to whole periods within the total time.

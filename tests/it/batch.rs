@@ -1,8 +1,10 @@
 //! Several schedules at once against one at a time.
 
-use scheme_opt::covariance::{CovarianceModel, TickRule};
+use std::borrow::Cow;
+
+use scheme_opt::covariance::{CoefficientCovariance, CovarianceModel, CovarianceRoot, TickRule};
 use scheme_opt::criterion::{Criterion, Smoothing};
-use scheme_opt::drift::CoefficientVector;
+use scheme_opt::drift::{CoefficientMatrix, CoefficientVector};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
 use scheme_opt::schedule::{Schedule, ScheduledPosition};
@@ -95,11 +97,8 @@ fn values_are_those_of_single_schedules() {
             let traces = model.weighted_traces(&timelines, rule, &weights);
             let largest = model.values(&timelines, rule, |p| Criterion::E.value(p));
             for (i, timeline) in timelines.iter().enumerate() {
-                let p = model
-                    .end_covariance_by_gram(timeline, rule)
-                    .unwrap()
-                    .coefficients;
-                let trace = p.diagonal().dot(&weights);
+                let p = model.end_covariance_by_gram(timeline, rule).unwrap();
+                let trace = p.coefficients.diagonal().dot(&weights);
                 let error = (traces[i].as_ref().unwrap() / trace - 1.0).abs();
                 assert!(
                     error < tolerance(kind),
@@ -121,7 +120,8 @@ fn values_are_those_of_single_schedules() {
 fn gradients_are_those_of_single_schedules() {
     for (seed, kind) in KINDS.into_iter().enumerate() {
         for criterion in [Criterion::rms(), Criterion::D] {
-            let merit = |p: &_| criterion.log_with_gradient(p, Smoothing::Exact);
+            let merit =
+                |p: &dyn CoefficientCovariance| criterion.log_with_gradient(p, Smoothing::Exact);
             let (mut model, timelines) = problem(10 + seed as u64, kind);
             for rule in [TickRule::Relaxed, TickRule::Filter] {
                 let alone: Vec<_> = timelines
@@ -142,27 +142,35 @@ fn gradients_are_those_of_single_schedules() {
     }
 }
 
+struct KnownExactly(CovarianceRoot);
+
+impl CoefficientCovariance for KnownExactly {
+    fn matrix(&self) -> &CoefficientMatrix {
+        self.0.matrix()
+    }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        Cow::Borrowed(&self.0)
+    }
+}
+
 #[test]
 fn one_bad_schedule_does_not_upset_the_others() {
     let (model, timelines) = problem(5, Kind::AllApart);
-    let merit = |p: &nalgebra::SMatrix<f64, 12, 12>| {
-        Criterion::rms().log_with_gradient(p, Smoothing::Exact)
-    };
+    let merit =
+        |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
     let expected = model.gradients(&timelines, TickRule::Relaxed, merit);
     let worst = expected
         .iter()
         .map(|r| r.as_ref().unwrap().0)
         .fold(f64::NEG_INFINITY, f64::max);
-    let refusing = |p: &nalgebra::SMatrix<f64, 12, 12>| {
+    let refusing = |p: &dyn CoefficientCovariance| {
         let (value, slope) = merit(p)?;
         if value < worst {
             return Ok((value, slope));
         }
-        // Not a covariance: has no determinant.
-        let mut indefinite = *p;
-        indefinite[(0, 1)] = 1e6;
-        indefinite[(1, 0)] = 1e6;
-        Criterion::D.log_with_gradient(&indefinite, Smoothing::Exact)
+        // Nothing of it is unknown: has no determinant.
+        let known = KnownExactly(CovarianceRoot::independent(&CoefficientVector::zeros()));
+        Criterion::D.log_with_gradient(&known, Smoothing::Exact)
     };
     let found = model.gradients(&timelines, TickRule::Relaxed, refusing);
     let refused = found.iter().filter(|r| r.is_err()).count();

@@ -161,7 +161,7 @@ fn no_random_schedule_is_below_its_bound() {
             let Ok(end) = model.end_covariance(&timeline, TickRule::Filter) else {
                 continue;
             };
-            let value = criterion.value(&end.coefficients).unwrap();
+            let value = criterion.value(&end).unwrap();
             assert!(value >= bound.lower_bound, "{criterion:?} {config:?}");
             closest = closest.min(value / bound.lower_bound);
             let sigma = end.sigma_deg_per_h();

@@ -9,7 +9,7 @@ use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
 use scheme_opt::attitude::{EAST, NORTH, Position, UP};
 use scheme_opt::covariance::{CovarianceModel, split_periods};
-use scheme_opt::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use scheme_opt::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use scheme_opt::platform::{Platform, Repositioning};
 use scheme_opt::schedule::Schedule;
 use scheme_opt::units::ARCSEC_PER_RAD;
@@ -26,6 +26,22 @@ pub struct Exact {
     pub sigma_deg_per_h: Vec<f64>,
     /// 1σ of ψ^n about North, Up, East, arcsec.
     pub misalignment_sigma_arcsec: Vec<f64>,
+    /// P_D, (°/h)², rounded.
+    pub coefficients: CoefficientMatrix,
+    /// ln det P_D, P_D in (°/h)², by its pivots.
+    pub log_det: f64,
+}
+
+impl Exact {
+    /// Criteria d, e, a of P_D, °/h.
+    pub fn criteria(&self) -> [f64; 3] {
+        let largest = self.coefficients.symmetric_eigenvalues().max();
+        [
+            (self.log_det / 24.0).exp(),
+            largest.sqrt(),
+            (self.coefficients.trace() / 12.0).sqrt(),
+        ]
+    }
 }
 
 fn float(v: f64) -> Float {
@@ -224,6 +240,31 @@ impl Filter {
         }
     }
 
+    fn coefficients(&self) -> CoefficientMatrix {
+        CoefficientMatrix::from_fn(|i, j| self.p[3 + i][3 + j].to_f64().value())
+    }
+
+    /// ln det P_D by elimination.
+    fn log_det(&self) -> f64 {
+        let mut p: Matrix = self.p[3..].iter().map(|row| row[3..].to_vec()).collect();
+        let mut log = 0.0;
+        // Over the coefficients that are not known exactly.
+        let open: Vec<usize> = (0..COEFFICIENTS)
+            .filter(|&k| p[k][k] != float(0.0))
+            .collect();
+        for (at, &k) in open.iter().enumerate() {
+            log += p[k][k].to_f64().value().ln();
+            for &i in &open[at + 1..] {
+                let factor = &p[i][k] / &p[k][k];
+                for &j in &open[at..] {
+                    let less = &factor * &p[k][j];
+                    p[i][j] -= less;
+                }
+            }
+        }
+        log
+    }
+
     fn sigma(&self, states: std::ops::Range<usize>) -> Vec<f64> {
         states
             .map(|i| self.p[i][i].to_f64().value().sqrt())
@@ -273,5 +314,7 @@ pub fn run(platform: &Platform, schedule: &Schedule) -> Exact {
     Exact {
         sigma_deg_per_h: filter.sigma(3..STATES),
         misalignment_sigma_arcsec: filter.sigma(0..3),
+        coefficients: filter.coefficients(),
+        log_det: filter.log_det(),
     }
 }

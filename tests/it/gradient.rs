@@ -6,7 +6,7 @@
 use num_dual::{Dual64 as T, DualNum};
 use scheme_opt::attitude::Position;
 use scheme_opt::covariance::gradient::LegGradient;
-use scheme_opt::covariance::{CovarianceModel, TickRule};
+use scheme_opt::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
 use scheme_opt::criterion::{Criterion, Smoothing};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
@@ -328,11 +328,12 @@ impl Problem {
 
     fn value(&self, model: &CovarianceModel, x: &[f64]) -> f64 {
         let end = model.end_covariance(&self.timeline(x), self.rule).unwrap();
-        Criterion::rms().value(&end.coefficients).unwrap().ln()
+        Criterion::rms().value(&end).unwrap().ln()
     }
 
     fn gradient(&self, model: &CovarianceModel) -> (f64, Vec<f64>) {
-        let merit = |p: &_| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+        let merit =
+            |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
         let (value, gradient) = model
             .gradient(&self.timeline(&self.x), self.rule, merit)
             .unwrap();
@@ -437,7 +438,7 @@ fn reverse_mode_equals_dual_numbers_to_1e_7() {
         let end = model
             .end_covariance_by_gram(&timeline, problem.rule)
             .unwrap();
-        let plain = Criterion::rms().value(&end.coefficients).unwrap().ln();
+        let plain = Criterion::rms().value(&end).unwrap().ln();
         assert!((value - plain).abs() < 1e-12);
         let duals: Vec<T> = (0..gradient.len()).map(|i| problem.dual(i)).collect();
         assert!(

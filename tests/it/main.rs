@@ -29,3 +29,4 @@ mod replanning;
 mod search;
 mod simulation;
 mod support;
+mod weak_priors;

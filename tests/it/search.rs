@@ -120,9 +120,9 @@ fn every_criterion_is_improved_by_searching_for_it() {
     });
     // Each winner is the best of the four by its own criterion.
     for (i, criterion) in criteria.iter().enumerate() {
-        let own = criterion.value(&found[i].end.coefficients).unwrap();
+        let own = criterion.value(&found[i].end).unwrap();
         for other in &found {
-            let theirs = criterion.value(&other.end.coefficients).unwrap();
+            let theirs = criterion.value(&other.end).unwrap();
             assert!(own <= theirs * 1.002, "{criterion:?}: {own} {theirs}");
         }
     }

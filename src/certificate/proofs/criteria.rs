@@ -4,6 +4,7 @@
 use super::*;
 use crate::certificate::criteria::{Bracket, Problem};
 use crate::certificate::directions::Allowed;
+use crate::drift::CoefficientMatrix;
 use crate::platform::{AxisValue, GSensitivePrior};
 
 /// Problems with the trace apart, with a coefficient known, with one of the D_I known (the trace
@@ -127,7 +128,7 @@ fn no_design_is_better_than_the_bound_of_any_criterion() {
                     let sum: f64 = weights.iter().sum();
                     let weights: Vec<f64> = weights.iter().map(|w| w / sum).collect();
                     let p = covariance(&problem, attitudes, &weights, &mut numbers);
-                    let reached = criterion.value(&p).unwrap();
+                    let reached = criterion.value(&crate::covariance::Rooted::of(&p)).unwrap();
                     assert!(reached >= lower * (1.0 - 1e-9), "{criterion:?}");
                     assert!(reached >= design * 0.98, "{criterion:?}");
                 }

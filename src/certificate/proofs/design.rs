@@ -5,6 +5,7 @@ use crate::certificate::criteria::Problem;
 use crate::certificate::design::prior_part;
 use crate::certificate::directions::Allowed;
 use crate::certificate::largest::Attitudes;
+use crate::drift::CoefficientMatrix;
 
 fn random_square(numbers: &mut Numbers) -> CoefficientMatrix {
     let root = CoefficientMatrix::from_fn(|_, _| numbers.between(-1.0, 1.0));

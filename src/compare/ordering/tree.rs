@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::upper::Upper;
 use super::{Orders, Rated, SAME};
-use crate::covariance::covariance_from_information;
+use crate::covariance::Rooted;
 use crate::covariance::link::Reached;
 use crate::criterion::Smoothing;
 use crate::drift::CoefficientMatrix;
@@ -235,15 +235,17 @@ impl Walk<'_> {
     fn merit(&self, information: &CoefficientMatrix) -> Option<f64> {
         let evaluator = self.roads.evaluator();
         let prior = evaluator.model().prior_sigma_deg_per_h();
-        let covariance = covariance_from_information(information, prior);
-        let merit = covariance.and_then(|p| evaluator.merit_of_covariance(&p, Smoothing::Exact));
-        merit.ok()
+        let covariance = Rooted::of_information(information, prior)?;
+        // What cannot be computed is no bound.
+        evaluator
+            .merit_of_covariance(&covariance, Smoothing::Exact)
+            .ok()
     }
 
     /// A whole order.
     fn arrive(&mut self, at: &Prefix) {
-        // An order whose merit cannot be computed is no candidate.
-        let merit = self.merit(&at.reached.e).unwrap_or(f64::INFINITY);
+        // What cannot be computed from a sum of squares is left to the evaluator to rate.
+        let merit = self.merit(&at.reached.e).unwrap_or(f64::NEG_INFINITY);
         if merit < self.merit - SAME {
             let rated = self.roads.orders.rated(std::slice::from_ref(&self.order));
             if let Some(rated) = rated.into_iter().find(|r| r.merit < self.merit - SAME) {

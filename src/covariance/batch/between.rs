@@ -9,7 +9,13 @@ use super::super::two_stage::square::Entries;
 use super::super::two_stage::{Chain, Place, Wide, attitude_entries};
 use super::Group;
 use crate::attitude::Attitude;
+use crate::covariance::chain::{InformationSink, State};
+use crate::covariance::rows::Rows as StackedRows;
+use crate::covariance::small::{square_root, whitener};
+use crate::covariance::{CovarianceModel, CovarianceRoot, TickRule};
 use crate::drift::{CoefficientMatrix, DriftMatrix};
+use crate::error::Result;
+use crate::motion::Timeline;
 use nalgebra::Matrix3;
 use pulp::Simd;
 
@@ -24,26 +30,69 @@ pub(crate) struct Between {
     from: Option<Attitude>,
     /// Rows R ψ^n + S D of unit noise at the end of the part: R and S.
     rest: Option<(Entries<f64>, Wide<[f64; 4]>)>,
+    /// The same as the chain of rows takes it.
+    by_rows: ByRows,
+}
+
+/// What comes before and after a part, where sums of squares lose digits.
+#[derive(Debug, Clone)]
+struct ByRows {
+    state: State,
+    /// The triangle of all information that does not depend on the part, in units of the prior σ.
+    known: CoefficientMatrix,
+    rest: Option<(Matrix3<f64>, DriftMatrix)>,
 }
 
 impl Between {
-    /// From V, P, the attitude before, the information that does not depend on the part, and the
-    /// rows (R, S) of what comes after.
+    /// From the state and the attitude before, the information that does not depend on the part
+    /// as a sum of squares and as a triangle of rows in units of the prior σ, and the rows (R, S)
+    /// of what comes after.
     pub fn new(
-        v: &DriftMatrix,
-        p: &Matrix3<f64>,
+        state: &State,
         from: Option<Attitude>,
-        information: &CoefficientMatrix,
+        (information, known): (&CoefficientMatrix, CoefficientMatrix),
         rest: Option<(&Matrix3<f64>, &DriftMatrix)>,
     ) -> Self {
-        let rest = rest.map(|(r, s)| (three!(|i| three!(|j| r[(i, j)])), rows_by_gyros(s)));
         Self {
-            v: rows_by_gyros(v),
-            p: *p,
+            v: rows_by_gyros(&state.v),
+            p: state.p,
             e: by_gyros(information),
             from,
-            rest,
+            rest: rest.map(|(r, s)| (three!(|i| three!(|j| r[(i, j)])), rows_by_gyros(s))),
+            by_rows: ByRows {
+                state: *state,
+                known,
+                rest: rest.map(|(r, s)| (*r, *s)),
+            },
         }
+    }
+
+    /// A root of P_D at the end of a test with `part` in it, by the rows of the information.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
+    pub(in crate::covariance) fn root(
+        &self,
+        model: &CovarianceModel,
+        part: &Timeline,
+        rule: TickRule,
+    ) -> Result<CovarianceRoot> {
+        let mut rows = StackedRows::new(&model.prior_sigma);
+        rows.add_triangle(&self.by_rows.known);
+        let (mut state, mut from) = (self.by_rows.state, self.from);
+        for leg in part.legs() {
+            if let Some(from) = &from {
+                state = model.arrive(state, (from, leg), rule, &mut rows);
+            }
+            state = model.dwell(state, leg, rule, &mut rows);
+            from = Some(leg.attitude);
+        }
+        if let Some((psi, drift)) = &self.by_rows.rest {
+            let w = whitener(&(psi * square_root(&state.p)));
+            rows.add(&(w * (psi * state.v + drift)));
+        }
+        rows.covariance_root()
     }
 }
 

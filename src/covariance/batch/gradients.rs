@@ -9,21 +9,23 @@
 
 use pulp::Simd;
 
-use super::{Batch, Covariance, Factorise, Group, covariance_of_lane, is_covariance};
+use super::{Batch, Covariance, Factorise, Group, OfLane, keeps_digits_in};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::two_stage::course::{self, LegAdjoint, Legs, Tape};
 use crate::covariance::two_stage::dispatch::{LaneTask, lanes, run_in_lanes};
 use crate::covariance::two_stage::earth::Earth;
 use crate::covariance::two_stage::gains::Own;
 use crate::covariance::two_stage::information::{
-    Factor, PLACES, Rows, complete, symmetric_product,
+    Factor, PLACES, Rows, by_gyros, complete, symmetric_product,
 };
 use crate::covariance::two_stage::numbers::{
-    Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, Work,
+    Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, Work, four, three,
 };
 use crate::covariance::two_stage::single::{keep_tape, take_tape};
-use crate::covariance::{CovarianceModel, TickRule, not_finite, split_periods};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix};
+use crate::covariance::{
+    CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite, split_periods,
+};
+use crate::drift::COEFFICIENTS;
 use crate::error::Result;
 use crate::motion::Timeline;
 
@@ -52,7 +54,7 @@ impl<N: Number> LegAdjoint<N> for LaneGradient<N> {
     }
 }
 
-/// −P G P.
+/// Ē = −P G P.
 struct InformationAdjoint<'a, S: Simd, L: Alignment, const FUSED: bool>(
     Lanes<S, L, FUSED>,
     &'a Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
@@ -63,21 +65,42 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Work for InformationAdjoint<'_, S
     type Output = Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        symmetric_product(self.0, self.1, &self.2.pull(self.0, self.1))
+        let Self(ar, p, slopes) = self;
+        match &slopes.of_information {
+            None => symmetric_product(ar, p, &slopes.pull(ar, p)),
+            Some(of_information) => gathered(ar, of_information),
+        }
     }
 }
 
-/// A figure of merit of P_D, (°/h)², with its derivative.
-type Merit<'a> = &'a dyn Fn(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>;
+/// One matrix per lane.
+#[inline(always)]
+fn gathered<S: Simd, L: Alignment, const FUSED: bool>(
+    ar: Lanes<S, L, FUSED>,
+    of: &[[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS],
+) -> Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad> {
+    let mut rows = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
+    for i in 0..COEFFICIENTS {
+        for k in 0..3 {
+            rows[i][k] = ar.quad(four!(|f| Register::gather(ar.0, &of[i][4 * k + f])));
+        }
+    }
+    rows
+}
+
+/// A figure of merit of P_D with its derivative.
+type Merit<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
 /// The figure of merit of a timeline with its derivatives, leg by leg.
 type Answer = Result<(f64, Vec<LegGradient>)>;
 
-/// The gradients of a group of timelines, no more than there are lanes.
+/// The gradients of a group of timelines, no more than there are lanes. What has to be worked out
+/// alone is put down in `alone`.
 struct Gradients<'a> {
     batch: Batch<'a>,
     of: &'a [usize],
     merit: Merit<'a>,
     out: &'a mut [Answer],
+    alone: &'a mut Vec<usize>,
 }
 
 impl LaneTask for Gradients<'_> {
@@ -118,14 +141,15 @@ impl Gradients<'_> {
         factor: &Factor<Lanes<S, L, FUSED>>,
         p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
     ) -> Slopes {
-        let mut slopes = Slopes::new();
+        let mut slopes = Slopes::default();
         for (lane, &i) in self.of.iter().enumerate() {
-            if !is_covariance(factor, lane) {
+            if !keeps_digits_in(factor, lane) {
+                self.alone.push(i);
                 continue;
             }
-            self.out[i] = (self.merit)(&covariance_of_lane::<S, L, FUSED>(p, lane)).map(|found| {
-                let (value, slope) = found;
-                slopes.set(lane, &slope);
+            let of = OfLane::new(p, factor, lane);
+            self.out[i] = (self.merit)(&of).map(|(value, slope)| {
+                slopes.set(lane, &slope, &of);
                 (value, Vec::new())
             });
         }
@@ -163,31 +187,38 @@ fn backward<S: Simd, L: Alignment, const FUSED: bool>(
     gradient
 }
 
-/// The derivative of each lane's figure of merit with respect to its P_D, gyro by gyro.
+/// The derivative of each lane's figure of merit, gyro by gyro. A criterion gives the same form of
+/// it for every schedule.
+#[derive(Default)]
 struct Slopes {
-    entries: Box<[[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]>,
-    diagonal: bool,
+    /// With respect to the variances.
+    variances: [[f64; MOST_LANES]; COEFFICIENTS],
+    /// With respect to the information, where it is not known by the variances alone.
+    of_information: Option<Box<[[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]>>,
 }
 
 impl Slopes {
-    fn new() -> Self {
-        Self {
-            entries: Box::new([[[0.0; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]),
-            diagonal: true,
-        }
-    }
-
-    fn set(&mut self, lane: usize, slope: &CoefficientMatrix) {
-        for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
-            for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
-                let entry = sign_a * sign_b * slope[(b, a)];
-                self.entries[i][k][lane] = entry;
-                self.diagonal &= i == k || entry == 0.0;
+    fn set(&mut self, lane: usize, slope: &Slope, of: &dyn CoefficientCovariance) {
+        match slope {
+            Slope::Variances(g) => {
+                for (c, &(i, _)) in PLACES.iter().enumerate() {
+                    self.variances[i][lane] = g[c];
+                }
+            }
+            Slope::InRoot(_) => {
+                let none = || Box::new([[[0.0; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]);
+                let entries = self.of_information.get_or_insert_with(none);
+                let rows = by_gyros(&slope.of_information(of));
+                for (to, from) in entries.iter_mut().zip(&rows) {
+                    for (to, from) in to.iter_mut().zip(from.as_flattened()) {
+                        to[lane] = *from;
+                    }
+                }
             }
         }
     }
 
-    /// −G P, summed up in the order of one schedule alone.
+    /// −G P, in the operations of one schedule alone.
     #[inline(always)]
     fn pull<S: Simd, L: Alignment, const FUSED: bool>(
         &self,
@@ -195,16 +226,9 @@ impl Slopes {
         p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
     ) -> Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad> {
         let mut out = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
-        for &(i, _) in &PLACES {
-            for &(k, _) in &PLACES {
-                if self.diagonal && i != k {
-                    continue;
-                }
-                let g = -Register::gather(ar.0, &self.entries[i][k]);
-                for q in 0..3 {
-                    out[i][q] = p[k][q].times_add(g, out[i][q]);
-                }
-            }
+        for i in 0..COEFFICIENTS {
+            let g = -Register::gather(ar.0, &self.variances[i]);
+            out[i] = three!(|q| p[i][q].times(g));
         }
         out
     }
@@ -223,7 +247,7 @@ impl CovarianceModel {
         &self,
         timelines: &[Timeline],
         rule: TickRule,
-        merit: impl Fn(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
         let mut out: Vec<Answer> = Vec::new();
         out.resize_with(timelines.len(), || Err(not_finite()));
@@ -245,6 +269,7 @@ impl CovarianceModel {
                 of,
                 merit: &merit,
                 out: &mut out,
+                alone: &mut alone,
             };
             run_in_lanes::<_, false>(self.most_lanes, task);
         }

@@ -134,6 +134,11 @@ impl<T: Number> DriftInformation<T> {
         }
     }
 
+    /// Which coefficient each pivot is of.
+    pub(super) fn order(&self) -> &[usize; COEFFICIENTS] {
+        &self.order
+    }
+
     /// L with L Lᵀ the covariance of D/s.
     pub(super) fn covariance_root(&self) -> Array<T, COEFFICIENTS, COEFFICIENTS> {
         let inverse = inverse_of_triangle(&self.triangle);

@@ -38,6 +38,55 @@ pub(crate) struct Sweep<A: Arithmetic> {
     h: A::Quad,
 }
 
+/// Ē = ∂f/∂E as the sweep sees it: by what it does to the rows that the chain has told.
+pub(crate) trait InformationAdjoint<A: Arithmetic> {
+    /// `x` Ē, `x` the rows that begin at `row` in the order in which they were told.
+    fn times<const N: usize>(&self, row: usize, x: &[[A::Quad; 3]; N]) -> [[A::Quad; 3]; N];
+
+    /// Takes the rows (R22 C) ⊗ h of a dwell back, which begin at `row`.
+    fn take_back(&self, sweep: &mut Sweep<A>, row: usize, step: &DwellStep<A>, h: A::Quad);
+}
+
+/// Ē itself.
+impl<A: Arithmetic> InformationAdjoint<A> for Rows<A::Quad> {
+    #[inline(always)]
+    fn times<const N: usize>(&self, _: usize, x: &[[A::Quad; 3]; N]) -> [[A::Quad; 3]; N] {
+        let mut out = *x;
+        for row in &mut out {
+            *row = times_information(row, self);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn take_back(&self, sweep: &mut Sweep<A>, _: usize, step: &DwellStep<A>, h: A::Quad) {
+        sweep.second_information(step, h, self, sweep.ar.number(2.0));
+    }
+}
+
+/// What Ē does to every row, worked out beforehand: where priors are weak, Ē is so large and what
+/// it does to a row so little that their product would have no digits.
+#[derive(Debug, Clone)]
+pub(crate) struct ByRows<A: Arithmetic>(pub Vec<[A::Quad; 3]>);
+
+impl<A: Arithmetic> InformationAdjoint<A> for ByRows<A> {
+    #[inline(always)]
+    fn times<const N: usize>(&self, row: usize, _: &[[A::Quad; 3]; N]) -> [[A::Quad; 3]; N] {
+        std::array::from_fn(|i| self.0[row + i])
+    }
+
+    #[inline(always)]
+    fn take_back(&self, sweep: &mut Sweep<A>, row: usize, step: &DwellStep<A>, h: A::Quad) {
+        let twice = three!(|i| three!(|j| self.0[row + i][j].plus(self.0[row + i][j])));
+        sweep.add_c(&entries(&step.gain.r22), &along(&twice, h));
+        sweep.add_h(&entries(&step.q_c), &twice);
+    }
+}
+
+/// Rows that a dwell and a measurement tell.
+pub(crate) const DWELL_ROWS: usize = 6;
+pub(crate) const MEASURED_ROWS: usize = 2;
+
 /// Row `x` times the symmetric matrix Ē.
 #[inline(always)]
 fn times_information<Q: Row>(x: &[Q; 3], e: &Rows<Q>) -> [Q; 3] {
@@ -105,9 +154,13 @@ impl<A: Arithmetic> Sweep<A> {
 
     /// Takes a dwell back.
     #[inline(always)]
-    pub fn dwell(&mut self, step: &DwellStep<A>, at: &Place<A>, information: &Rows<A::Quad>) {
-        let two = self.ar.number(2.0);
-        let xe = three!(|i| times_information(&step.x[i], information));
+    pub fn dwell(
+        &mut self,
+        step: &DwellStep<A>,
+        at: &Place<A>,
+        (information, row): (&impl InformationAdjoint<A>, usize),
+    ) {
+        let xe = information.times(row, &step.x);
         let twice = three!(|i| three!(|j| xe[i][j].plus(xe[i][j])));
 
         let (z, n) = (entries(&step.gain.z), entries(&step.gain.n));
@@ -115,7 +168,7 @@ impl<A: Arithmetic> Sweep<A> {
         self.add_c(&z, &along(&twice, at.h));
         self.add_h(&step.n_c, &self.v.clone());
         self.add_h(&step.z_c, &twice);
-        self.second_information(step, at.h, information, two);
+        information.take_back(self, row + 3, step, at.h);
 
         let (y, m) = (entries(&step.gain.y), entries(&step.gain.m));
         let d1 = three!(|i| three!(|r| inner(&self.v, &step.x, i, r)));
@@ -203,17 +256,14 @@ impl<A: Arithmetic> Sweep<A> {
         &mut self,
         step: &MeasureStep<A>,
         v: &Wide<A::Quad>,
-        information: &Rows<A::Quad>,
+        (information, row): (&impl InformationAdjoint<A>, usize),
     ) -> A::Number {
         let ar = self.ar;
         let two = ar.number(2.0);
         let (l, [d0, d1]) = (step.seen.l, step.seen.d);
         let (w, p) = (step.seen.weight, &step.seen.p);
         let (w0, w1) = (w * d0, w * d1);
-        let xe = [
-            times_information(&step.rows[0], information),
-            times_information(&step.rows[1], information),
-        ];
+        let xe = information.times(row, &step.rows);
         let t00 = row_dot(&xe[0], &step.rows[0]);
         let t01 = row_dot(&xe[0], &step.rows[1]);
         let t11 = row_dot(&xe[1], &step.rows[1]);

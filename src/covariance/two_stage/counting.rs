@@ -16,11 +16,11 @@ use super::gains::{DwellKernel, Own};
 use super::information::{PriorScale, complete, pulled_slope, symmetric_product, to_coefficients};
 use super::moves::{Interval, Turn};
 use super::numbers::{Arithmetic, Array, MOST_LANES, Number, Plain, three};
-use super::single::OneTimeline;
+use super::single::{ByFactors, OneTimeline};
 use super::{Place, attitude_entries};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{CovarianceModel, TickRule};
+use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::CoefficientVector;
 use crate::motion::Timeline;
@@ -326,9 +326,16 @@ fn one_schedule_has_the_same_bits_on_every_machine() {
         let chain = course::forward(Plain, &legs, &earth, &mut gains, &mut tape);
         let factor = chain.e.factor(Plain, &model.prior_scale);
         let mut p = factor.covariance(Plain);
-        let coefficients = to_coefficients(&p);
-        let merit = |p: &_| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
-        let (value, slope) = merit(&coefficients).unwrap();
+        let of = ByFactors {
+            matrix: to_coefficients(&p),
+            factor: &factor,
+        };
+        let merit =
+            |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+        let (value, slope) = merit(&of).unwrap();
+        let Slope::Variances(slope) = slope else {
+            panic!("the RMS is one of variances");
+        };
         complete(Plain, &mut p);
         let information = symmetric_product(Plain, &p, &pulled_slope(Plain, &p, &slope));
         let mut gradient = vec![LegGradient::default(); timeline.legs().len()];

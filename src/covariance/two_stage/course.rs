@@ -5,10 +5,9 @@
 //! dwell's whole periods, its remainder with the relaxed measurement. A lane that lacks a part
 //! that another has takes it with length and weight zero, which changes nothing.
 
-use super::adjoint::Sweep;
+use super::adjoint::{DWELL_ROWS, InformationAdjoint, MEASURED_ROWS, Sweep};
 use super::earth::{Earth, Passed};
 use super::gains::{DwellKernel, Gains, Seen};
-use super::information::Rows;
 use super::moves::{Interval, Turn, drift_integral, drift_integral_adjoint};
 use super::numbers::{Arithmetic, Work, three};
 use super::square::{Entries, Square, entries, product, rows, transpose};
@@ -74,6 +73,17 @@ pub(crate) enum Step<A: Arithmetic> {
     ),
     /// A measurement with V after it, and what its weight grows with.
     Measure(MeasureStep<A>, Wide<A::Quad>, Grows<A::Number>),
+}
+
+impl<A: Arithmetic> Step<A> {
+    /// How many rows it tells.
+    fn rows(&self) -> usize {
+        match self {
+            Self::Dwell(_) => DWELL_ROWS,
+            Self::Measure(..) => MEASURED_ROWS,
+            _ => 0,
+        }
+    }
 }
 
 /// What the weight of a measurement grows with.
@@ -291,11 +301,13 @@ impl LegAdjoint<f64> for LegGradient {
 }
 
 /// The sweep on its way back through the legs.
-struct Backward<'a, A: Arithmetic, L, O> {
+struct Backward<'a, A: Arithmetic, L, I, O> {
     ar: A,
     legs: &'a L,
     earth: &'a Earth<A::Number>,
-    information: &'a Rows<A::Quad>,
+    information: &'a I,
+    /// Rows that the chain has told before the step at hand.
+    row: usize,
     per_weight: A::Number,
     out: &'a mut [O],
     sweep: Sweep<A>,
@@ -307,15 +319,15 @@ const ROTATE: u8 = 4;
 const MEASURE: u8 = 5;
 
 /// One step back, compiled apart in lanes.
-struct Back<'b, 'a, A: Arithmetic, L, O, const PART: u8> {
-    backward: &'b mut Backward<'a, A, L, O>,
+struct Back<'b, 'a, A: Arithmetic, L, I, O, const PART: u8> {
+    backward: &'b mut Backward<'a, A, L, I, O>,
     at: &'b Place<A>,
     leg: usize,
     step: &'b Step<A>,
 }
 
-impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>, const PART: u8> Work
-    for Back<'_, '_, A, L, O, PART>
+impl<A: Arithmetic, L: Legs<A>, I: InformationAdjoint<A>, O: LegAdjoint<A::Number>, const PART: u8>
+    Work for Back<'_, '_, A, L, I, O, PART>
 {
     type Output = ();
     #[inline(always)]
@@ -323,7 +335,10 @@ impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>, const PART: u8> Work
         let (backward, leg, at) = (self.backward, self.leg, self.at);
         let sweep = &mut backward.sweep;
         match (PART, self.step) {
-            (DWELL, Step::Dwell(dwell)) => sweep.dwell(dwell, at, backward.information),
+            (DWELL, Step::Dwell(dwell)) => {
+                backward.row -= DWELL_ROWS;
+                sweep.dwell(dwell, at, (backward.information, backward.row));
+            }
             (SETTLE, Step::Settle(passed, gamma_c)) => sweep.pass_at(passed, gamma_c, at),
             (REMAINDER, Step::Remainder(passed, gamma_c, v, p)) => {
                 let adjoint = sweep.length_adjoint(backward.earth, v, p, at);
@@ -331,7 +346,8 @@ impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>, const PART: u8> Work
                 sweep.pass_at(passed, gamma_c, at);
             }
             (MEASURE, Step::Measure(measure, v, grows)) => {
-                let adjoint = sweep.measure(measure, v, backward.information);
+                backward.row -= MEASURED_ROWS;
+                let adjoint = sweep.measure(measure, v, (backward.information, backward.row));
                 let slope = adjoint * backward.per_weight;
                 match grows {
                     Grows::WithMove(one) => backward.out[leg].add_move(slope * *one),
@@ -352,10 +368,12 @@ impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>, const PART: u8> Work
     }
 }
 
-impl<A: Arithmetic, L: Legs<A>, O: LegAdjoint<A::Number>> Backward<'_, A, L, O> {
+impl<A: Arithmetic, L: Legs<A>, I: InformationAdjoint<A>, O: LegAdjoint<A::Number>>
+    Backward<'_, A, L, I, O>
+{
     #[inline(always)]
     fn part<const PART: u8>(&mut self, leg: usize, step: &Step<A>, at: &Place<A>) {
-        self.ar.apart(Back::<A, L, O, PART> {
+        self.ar.apart(Back::<A, L, I, O, PART> {
             at,
             leg,
             step,
@@ -397,7 +415,7 @@ pub(crate) fn backward<A: Arithmetic>(
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,
     tape: &[(usize, Step<A>)],
-    information: &Rows<A::Quad>,
+    information: &impl InformationAdjoint<A>,
     per_weight: f64,
     out: &mut [impl LegAdjoint<A::Number>],
 ) {
@@ -406,6 +424,7 @@ pub(crate) fn backward<A: Arithmetic>(
         legs,
         earth,
         information,
+        row: tape.iter().map(|(_, step)| step.rows()).sum(),
         per_weight: ar.number(per_weight),
         out,
         sweep: Sweep::new(ar),

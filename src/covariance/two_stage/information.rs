@@ -6,6 +6,7 @@
 use super::Wide;
 use super::numbers::{Arithmetic, Number, Row, four, three};
 use super::square::Entries;
+use crate::covariance::CovarianceRoot;
 use crate::drift::{
     COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftMatrix,
 };
@@ -37,6 +38,18 @@ pub(crate) type Rows<Q> = [[Q; 3]; COEFFICIENTS];
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Information<A: Arithmetic>(Rows<A::Quad>);
 
+/// Numbers in every lane.
+#[inline(always)]
+pub(crate) fn known_rows<A: Arithmetic>(ar: A, of: &Rows<[f64; 4]>) -> Rows<A::Quad> {
+    let mut rows = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
+    for i in 0..COEFFICIENTS {
+        for k in 0..3 {
+            rows[i][k] = ar.quad(four!(|f| ar.number(of[i][k][f])));
+        }
+    }
+    rows
+}
+
 impl<A: Arithmetic> Information<A> {
     /// Nothing known.
     #[inline(always)]
@@ -47,13 +60,7 @@ impl<A: Arithmetic> Information<A> {
     /// The same numbers in every lane.
     #[inline(always)]
     pub fn known(ar: A, e: &Rows<[f64; 4]>) -> Self {
-        let mut rows = Self::zeros(ar);
-        for i in 0..COEFFICIENTS {
-            for k in 0..3 {
-                rows.0[i][k] = ar.quad(four!(|f| ar.number(e[i][k][f])));
-            }
-        }
-        rows
+        Self(known_rows(ar, e))
     }
 
     /// E += XᵀX.
@@ -119,11 +126,15 @@ impl<A: Arithmetic> Information<A> {
             w[i][j] = unit;
         }
         let mut d = [one; COEFFICIENTS];
-        let mut least = one;
+        let diagonal: [A::Number; COEFFICIENTS] = std::array::from_fn(|k| s[k][k / 4].get(k % 4));
+        let (mut least, mut cancelled) = (one, one);
         for k in 0..COEFFICIENTS {
             let pivot = s[k][k / 4].get(k % 4);
             least = pivot.where_greater(least, pivot, least);
             d[k] = one / pivot;
+            let ratio = diagonal[k] * d[k];
+            // A ratio that is not a number is taken for the larger one.
+            cancelled = cancelled.where_greater(cancelled, ratio, ratio);
             let (s_k, w_k) = (s[k], w[k]);
             for i in k + 1..COEFFICIENTS {
                 let factor = -(s_k[i / 4].get(i % 4) * d[k]);
@@ -141,7 +152,12 @@ impl<A: Arithmetic> Information<A> {
                 row[k] = row[k].by(scales[k]);
             }
         }
-        Factor { w, d, least }
+        Factor {
+            w,
+            d,
+            least,
+            cancelled,
+        }
     }
 }
 
@@ -150,8 +166,18 @@ impl<A: Arithmetic> Information<A> {
 pub(crate) struct Factor<A: Arithmetic> {
     w: Rows<A::Quad>,
     d: [A::Number; COEFFICIENTS],
-    /// The smallest pivot: at least 1, but for rounding; not a number when E is not finite.
+    /// The smallest pivot: at least 1, but for rounding.
     pub least: A::Number,
+    /// The largest ratio of a diagonal entry to the pivot that elimination leaves of it.
+    pub cancelled: A::Number,
+}
+
+/// Whether P_D by factors with that smallest pivot and that largest ratio has the digits that a
+/// search needs. What a combination of coefficients is known by may cancel in E to its sixteenth
+/// digit; at this ratio, eight are left.
+pub(crate) fn keeps_digits(least: f64, cancelled: f64) -> bool {
+    const MOST: f64 = 1e8;
+    least > 0.0 && cancelled < MOST
 }
 
 impl<A: Arithmetic> Factor<A> {
@@ -166,6 +192,20 @@ impl<A: Arithmetic> Factor<A> {
             }
         }
         sum.total()
+    }
+
+    /// L with P_D = L Lᵀ: the rows of L⁻¹ are its columns. `value` takes the number wanted.
+    pub fn root(&self, value: impl Fn(A::Number) -> f64) -> CovarianceRoot {
+        let mut root = CoefficientMatrix::zeros();
+        let mut pivots = [0; COEFFICIENTS];
+        for (c, &(at, sign)) in PLACES.iter().enumerate() {
+            pivots[at] = c;
+            for k in at..COEFFICIENTS {
+                let entry = value(self.w[k][at / 4].get(at % 4));
+                root[(c, k)] = sign * entry * value(self.d[k]).sqrt();
+            }
+        }
+        CovarianceRoot::new(root, pivots)
     }
 
     /// P_D, (°/h)², one triangle as in [`Information`].
@@ -258,24 +298,18 @@ fn mirror<A: Arithmetic>(ar: A, rows: &mut Rows<A::Quad>) {
     }
 }
 
-/// −G P for the derivative G of a figure of merit with respect to P, in the order of the
+/// −G P for the derivative G of a figure of merit with respect to P, diagonal, in the order of the
 /// coefficients. `p` with both triangles.
 #[inline(always)]
 pub(crate) fn pulled_slope<A: Arithmetic<Number = f64>>(
     ar: A,
     p: &Rows<A::Quad>,
-    slope: &CoefficientMatrix,
+    slope: &CoefficientVector,
 ) -> Rows<A::Quad> {
     let mut out = [[ar.quad([0.0; 4]); 3]; COEFFICIENTS];
-    for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
-        for (b, &(k, sign_b)) in PLACES.iter().enumerate() {
-            // Most criteria have a diagonal G.
-            let g = slope[(b, a)];
-            if g != 0.0 {
-                for q in 0..3 {
-                    out[i][q] = p[k][q].times_add(-(sign_a * sign_b * g), out[i][q]);
-                }
-            }
+    for (c, &(i, _)) in PLACES.iter().enumerate() {
+        if slope[c] != 0.0 {
+            out[i] = three!(|q| p[i][q].times(-slope[c]));
         }
     }
     out

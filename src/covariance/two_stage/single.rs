@@ -1,22 +1,31 @@
 //! One schedule at a time, on the widest registers that keep its bits the same everywhere.
 
 use std::any::Any;
+use std::borrow::Cow;
 use std::cell::RefCell;
 
 use nalgebra::Matrix3;
 
-use super::course::{self, Legs, Stretch, Tape};
+use super::adjoint::ByRows;
+use super::course::{self, Legs, Step, Stretch, Tape};
 use super::dispatch::{self, Task};
 use super::earth::Earth;
-use super::gains::{DwellKernel, Gains, Own};
-use super::information::{PLACES, complete, pulled_slope, symmetric_product, to_coefficients};
+use super::gains::{DwellKernel, Gains, Own, Seen};
+use super::information::{
+    Factor, PLACES, by_gyros, complete, keeps_digits, known_rows, pulled_slope, symmetric_product,
+    to_coefficients,
+};
 use super::moves::{Interval, Turn};
 use super::numbers::{Arithmetic, Row, Single};
-use super::square::mirrored;
+use super::square::{entries, mirrored};
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{CovarianceModel, EndCovariance, TickRule, not_finite, split_periods};
-use crate::drift::{CoefficientMatrix, DriftMatrix};
+use crate::covariance::rows::{Told, Whitened};
+use crate::covariance::{
+    CoefficientCovariance, CovarianceModel, CovarianceRoot, EndCovariance, Rooted, Slope, TickRule,
+    split_periods,
+};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftMatrix};
 use crate::error::Result;
 use crate::motion::integral::Panels;
 use crate::motion::{Move, Timeline};
@@ -164,23 +173,45 @@ impl CovarianceModel {
     }
 }
 
-/// A figure of merit of P_D, (°/h)², with its derivative.
-type Merit<'a> = &'a mut dyn FnMut(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>;
+/// What is wanted of P_D at the end of a timeline.
+enum Wanted<'a> {
+    /// The value of a figure of merit.
+    Value(&'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<f64>),
+    /// Its derivatives too, leg by leg.
+    Gradient(
+        &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+        &'a mut [LegGradient],
+    ),
+}
 
-/// The end of a timeline, and the gradient of a figure of merit where one is given.
+/// The end of a timeline, and what is wanted of it.
 struct ToEnd<'a> {
     model: &'a CovarianceModel,
     timeline: &'a Timeline,
     rule: TickRule,
-    merit: Option<(Merit<'a>, &'a mut [LegGradient])>,
+    wanted: Wanted<'a>,
 }
 
-/// What a timeline leads to: P_D, V, P, and the figure of merit if any.
+/// What a timeline leads to: V, P, and the figure of merit.
 struct AtEnd {
-    coefficients: CoefficientMatrix,
     v: DriftMatrix,
     p: Matrix3<f64>,
     value: f64,
+}
+
+/// P_D by the factors of the information.
+pub(super) struct ByFactors<'a, A: Arithmetic<Number = f64>> {
+    pub matrix: CoefficientMatrix,
+    pub factor: &'a Factor<A>,
+}
+
+impl<A: Arithmetic<Number = f64>> CoefficientCovariance for ByFactors<'_, A> {
+    fn matrix(&self) -> &CoefficientMatrix {
+        &self.matrix
+    }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        Cow::Owned(self.factor.root(|v| v))
+    }
 }
 
 impl Task for ToEnd<'_> {
@@ -189,40 +220,106 @@ impl Task for ToEnd<'_> {
     fn run<A: Single>(self, ar: A) -> Result<AtEnd> {
         let model = self.model;
         let earth = model.earth();
+        let keeps_tape = matches!(self.wanted, Wanted::Gradient(..));
         let legs = OneTimeline {
             ar,
             model,
             timeline: self.timeline,
             rule: self.rule,
-            keep_empty: self.merit.is_some(),
+            keep_empty: keeps_tape,
         };
-        let mut tape = take_tape(self.merit.is_some());
+        let mut tape = take_tape(keeps_tape);
         let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
         let chain = course::forward(ar, &legs, &earth, &mut gains, &mut tape);
         let factor = chain.e.factor(ar, &model.prior_scale);
-        if factor.least.is_nan() || factor.least <= 0.0 {
-            keep_tape(tape);
-            return Err(not_finite());
-        }
         let mut p = factor.covariance(ar);
+        let of = ByFactors {
+            matrix: to_coefficients(&p),
+            factor: &factor,
+        };
+        let kept = keeps_digits(factor.least, factor.cancelled);
         let p_psi = mirrored(&gains.p());
-        let mut end = AtEnd {
-            coefficients: to_coefficients(&p),
+        let per_s = 1.0 / (model.period_s * model.noise_variance);
+        let value = match self.wanted {
+            Wanted::Value(merit) if kept => merit(&of),
+            Wanted::Value(merit) => model
+                .end_covariance_in_doubles(self.timeline, self.rule)
+                .and_then(|end| merit(&end)),
+            Wanted::Gradient(merit, out) if kept => merit(&of).map(|(value, slope)| {
+                let information = match &slope {
+                    Slope::Variances(g) => {
+                        complete(ar, &mut p);
+                        symmetric_product(ar, &p, &pulled_slope(ar, &p, g))
+                    }
+                    Slope::InRoot(_) => known_rows(ar, &by_gyros(&slope.of_information(&of))),
+                };
+                course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+                value
+            }),
+            Wanted::Gradient(merit, out) => {
+                let whitened = Whitened::new(&told(&legs, &tape), &model.prior_sigma);
+                whitened.and_then(|whitened| {
+                    let of = Rooted::new(whitened.root.clone());
+                    let (value, slope) = merit(&of)?;
+                    let rows = whitened.times_adjoint(&slope.in_root(&of));
+                    let rows = rows.iter().map(|row| row_by_gyros(ar, row));
+                    let information = ByRows(rows.collect());
+                    course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+                    Ok(value)
+                })
+            }
+        };
+        keep_tape(tape);
+        Ok(AtEnd {
             v: drift_matrix_of(&chain.v),
             p: Matrix3::from_fn(|i, j| p_psi[i][j]),
-            value: 0.0,
-        };
-        if let Some((merit, out)) = self.merit {
-            let (value, slope) = merit(&end.coefficients)?;
-            end.value = value;
-            complete(ar, &mut p);
-            let information = symmetric_product(ar, &p, &pulled_slope(ar, &p, &slope));
-            let per_s = 1.0 / (model.period_s * model.noise_variance);
-            course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
-        }
-        keep_tape(tape);
-        Ok(end)
+            value: value?,
+        })
     }
+}
+
+/// The rows on D that the chain has told, in order.
+fn told<A: Single>(legs: &OneTimeline<'_, A>, tape: &Tape<A>) -> Vec<Told> {
+    let mut told = Vec::new();
+    let mut push = |row: &[A::Quad; 3], scale: f64| {
+        told.push(Told::new(
+            &of_coefficients(row),
+            scale,
+            &legs.model.prior_sigma,
+        ));
+    };
+    for (leg, step) in &tape.steps {
+        match step {
+            Step::Dwell(dwell) => {
+                let h = legs.place(*leg).h;
+                let second = entries(&dwell.q_c).map(|row| row.map(|v| h.times(v)));
+                dwell.x.iter().chain(&second).for_each(|row| push(row, 1.0));
+            }
+            Step::Measure(measure, ..) => {
+                let Seen { weight, d, .. } = measure.seen;
+                for (row, d) in measure.rows.iter().zip(d) {
+                    push(row, (weight * d).sqrt());
+                }
+            }
+            _ => {}
+        }
+    }
+    told
+}
+
+/// A row in the order of the coefficients.
+fn of_coefficients<Q: Row<Number = f64>>(row: &[Q; 3]) -> [f64; COEFFICIENTS] {
+    PLACES.map(|(at, sign)| sign * row[at / 4].get(at % 4))
+}
+
+/// A row of coefficients gyro by gyro.
+#[inline(always)]
+fn row_by_gyros<A: Single>(ar: A, row: &[f64; COEFFICIENTS]) -> [A::Quad; 3] {
+    let mut places = [[0.0; 4]; 3];
+    for (value, (at, sign)) in row.iter().zip(PLACES) {
+        places[at / 4][at % 4] = sign * value;
+    }
+    places.map(|of| ar.quad(of))
 }
 
 /// V in the order of the coefficients.
@@ -264,26 +361,34 @@ pub(crate) fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
 }
 
 impl CovarianceModel {
-    fn to_end(&self, timeline: &Timeline, rule: TickRule) -> Result<AtEnd> {
+    /// The value of a figure of merit of P_D at the end of `timeline`, by the Gram form of the
+    /// information where that keeps its digits, by its rows where it does not.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows; what
+    /// `merit` returns.
+    pub fn value(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
+    ) -> Result<f64> {
+        Ok(self.to_end(timeline, rule, &mut merit)?.value)
+    }
+
+    fn to_end(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+        merit: &mut dyn FnMut(&dyn CoefficientCovariance) -> Result<f64>,
+    ) -> Result<AtEnd> {
         dispatch::run::<_, false>(ToEnd {
             model: self,
             timeline,
             rule,
-            merit: None,
+            wanted: Wanted::Value(merit),
         })
-    }
-
-    /// P_D at the end of `timeline` by the Gram form of the information, (°/h)².
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
-    pub(crate) fn coefficients_by_gram(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-    ) -> Result<CoefficientMatrix> {
-        Ok(self.to_end(timeline, rule)?.coefficients)
     }
 
     /// The covariance at the end of `timeline` by the Gram form of the information: much faster
@@ -298,17 +403,23 @@ impl CovarianceModel {
         timeline: &Timeline,
         rule: TickRule,
     ) -> Result<EndCovariance> {
-        let end = self.to_end(timeline, rule)?;
+        let mut root = CovarianceRoot::independent(&self.prior_sigma);
+        let mut coefficients = CoefficientMatrix::zeros();
+        let end = self.to_end(timeline, rule, &mut |p| {
+            (coefficients, root) = (*p.matrix(), p.root().into_owned());
+            Ok(0.0)
+        })?;
+        let through_drift = end.v * root.matrix();
         Ok(EndCovariance {
-            coefficients: end.coefficients,
-            misalignment: end.p + end.v * end.coefficients * end.v.transpose(),
+            coefficients,
+            root,
+            misalignment: end.p + through_drift * through_drift.transpose(),
         })
     }
 
     /// The value of a figure of merit and its gradient, one [`LegGradient`] per leg.
     ///
-    /// `merit` takes P_D in (°/h)² and returns the value with its derivative with respect to
-    /// P_D, a symmetric matrix G: df = tr(G dP_D).
+    /// `merit` takes P_D and returns the value with its derivative with respect to P_D.
     ///
     /// # Errors
     ///
@@ -318,19 +429,14 @@ impl CovarianceModel {
         &self,
         timeline: &Timeline,
         rule: TickRule,
-        merit: impl FnOnce(&CoefficientMatrix) -> Result<(f64, CoefficientMatrix)>,
+        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        let mut merit = Some(merit);
-        let mut once = |p: &CoefficientMatrix| match merit.take() {
-            Some(merit) => merit(p),
-            None => Err(not_finite()),
-        };
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
         let end = dispatch::run::<_, false>(ToEnd {
             model: self,
             timeline,
             rule,
-            merit: Some((&mut once, &mut out)),
+            wanted: Wanted::Gradient(&mut merit, &mut out),
         })?;
         Ok((end.value, out))
     }
