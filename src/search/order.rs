@@ -9,7 +9,7 @@ use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::pipeline::{Context, Work, rate, told_apart};
+use super::pipeline::{Context, rate, told_apart};
 use super::refine::Refined;
 use super::variables::Plan;
 use crate::attitude::Position;
