@@ -68,8 +68,9 @@ pub struct OrderSearch {
     pub steps: u64,
 }
 
-/// Steps towards the proof of an order after which it is left open: about a minute on two cores.
-pub const MOST_STEPS: u64 = 30_000_000;
+/// Steps towards the proof of an order after which it is left open. Enough for 10 positions, unless
+/// their orders leave dwells of many hundred different lengths.
+pub const MOST_STEPS: u64 = 50_000_000;
 
 /// How to compare.
 #[derive(Debug, Clone, Copy, PartialEq)]

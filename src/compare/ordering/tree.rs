@@ -30,7 +30,7 @@ pub(super) use roads::{Hops, Roads};
 /// Prefixes worked on before the best order is settled between them.
 const BATCH: usize = 24;
 /// So few positions to go, whether their moves leave the periods in hand is tried out.
-const TRIED_OUT: usize = 3;
+const TRIED_OUT: usize = 4;
 
 /// What going through the orders came to.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ pub(super) struct Gone {
     pub best: Option<Rated>,
     /// Whether all of them were gone through.
     pub complete: bool,
-    /// Positions added to prefixes.
+    /// Positions added to prefixes, and what bounds took in such steps.
     pub steps: u64,
 }
 
@@ -47,15 +47,20 @@ pub(super) struct Gone {
 pub(super) fn go_through(orders: &Orders<'_>, found: Option<Rated>, most_steps: u64) -> Gone {
     let roads = Roads::new(orders);
     let prefixes = roads.prefixes();
+    let all_periods = roads.all_periods();
+    // Bounds may take a third of the steps that going through all orders without them would.
+    let orders_count: u64 = (1..=roads.count() as u64).product();
+    let most_for_bounds = orders_count / all_periods.len().max(1) as u64;
     let mut gone = Gone {
         best: found,
         complete: true,
         steps: 0,
     };
-    for periods in roads.all_periods() {
+    for periods in all_periods {
         let hops = Hops::new(&roads, periods);
         let best = gone.best.as_ref().map(|best| best.order.as_slice());
-        let upper = best.and_then(|best| Upper::new(&roads, &hops, best));
+        let upper = best.and_then(|best| Upper::new(&roads, &hops, best, most_for_bounds));
+        gone.steps += upper.as_ref().map_or(0, |upper| upper.steps);
         for batch in prefixes.chunks(BATCH) {
             if gone.steps >= most_steps {
                 gone.complete = false;

@@ -30,20 +30,32 @@ type Matrix15 = SMatrix<f64, STATES, STATES>;
 /// Positions to go that bounds are made for.
 const MOST_TO_GO: usize = 4;
 
+/// With fewer positions it is quicker to go through all orders.
+const FEWEST: usize = 8;
+/// Steps that take as long as one bound taken together with another.
+const STEPS_OF_ONE: u64 = 30;
+
 /// Bounds by the positions left and the one they are set out for from.
 #[derive(Debug)]
 pub(super) struct Upper {
     rest: HashMap<(u32, usize), Rest>,
+    /// What making them took, in steps of the tree.
+    pub steps: u64,
 }
 
 impl Upper {
-    /// For dwells of these periods, sharpest where `best` leads.
-    pub fn new(roads: &Roads<'_>, hops: &Hops, best: &[usize]) -> Option<Self> {
+    /// For dwells of these periods, sharpest where `best` leads; as many as `most_steps` make.
+    pub fn new(roads: &Roads<'_>, hops: &Hops, best: &[usize], most_steps: u64) -> Option<Self> {
         let count = roads.count();
+        if count < FEWEST {
+            return None;
+        }
+        let mut steps = 0;
         let mut level: HashMap<(u32, usize), Rest> = (0..count)
             .map(|last| ((0, last), Rest::nothing()))
             .collect();
         let mut rest = HashMap::new();
+        let mut made = 0;
         let typical = Typical::new(hops, best);
         for to_go in 1..=MOST_TO_GO.min(count.saturating_sub(2)) {
             let sets = (0..=roads.everywhere()).filter(|s| s.count_ones() as usize == to_go);
@@ -53,6 +65,10 @@ impl Upper {
                     from.map(move |from| (set, from))
                 })
                 .collect();
+            steps += (keys.len() * to_go) as u64 * STEPS_OF_ONE;
+            if steps > most_steps {
+                break;
+            }
             let Some(metric) = typical.metric(roads, count - to_go) else {
                 break;
             };
@@ -71,9 +87,10 @@ impl Upper {
             };
             let bounds: Option<HashMap<_, _>> = keys.par_iter().map(bound).collect();
             level = bounds?;
+            made = steps;
             rest.extend(level.iter().map(|(key, rest)| (*key, *rest)));
         }
-        (!rest.is_empty()).then_some(Self { rest })
+        (!rest.is_empty()).then_some(Self { rest, steps: made })
     }
 
     /// The bound, if there is one.
