@@ -6,10 +6,10 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use scheme_opt::drift::{DriftCoefficient, DriftKind};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::schedule::standard::StandardScheme;
+use scheme_opt::internals::drift::{DriftCoefficient, DriftKind};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::schedule::standard::StandardScheme;
 
 fn main() -> scheme_opt::Result<()> {
     let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());

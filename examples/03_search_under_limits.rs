@@ -5,9 +5,9 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 fn main() -> scheme_opt::Result<()> {
     let mut config = PlatformConfig::default();
@@ -22,7 +22,7 @@ fn main() -> scheme_opt::Result<()> {
         ..SearchProblem::default()
     };
     let cancel = AtomicBool::new(false);
-    let progress = |p: &scheme_opt::search::Progress| {
+    let progress = |p: &scheme_opt::internals::search::Progress| {
         println!("{:?}: {} of {}", p.phase, p.done, p.total);
     };
     let found = search(&evaluator, &problem, &Control::new(&cancel, &progress))?;

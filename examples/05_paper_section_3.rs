@@ -23,16 +23,18 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use scheme_opt::attitude::{NORTH, Position};
-use scheme_opt::drift::{CoefficientVector, DriftCoefficient as D};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};
-use scheme_opt::report::figure::{Band, Color, Curve, Dash, Figure, Panel, Style};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::simulate::{
+use scheme_opt::internals::attitude::{NORTH, Position};
+use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{
+    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
+};
+use scheme_opt::internals::report::figure::{Band, Color, Curve, Dash, Figure, Panel, Style};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::simulate::{
     FilterModel, InitialTruth, Sample, Simulation, SimulationOptions, Trajectory, TruthModel,
 };
-use scheme_opt::units::{ARCSEC_PER_RAD, Angle};
+use scheme_opt::internals::units::{ARCSEC_PER_RAD, Angle};
 use scheme_opt::{Error, Result};
 
 /// The coefficients that the two positions excite and the paper plots, with their figures.

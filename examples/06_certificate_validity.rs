@@ -19,16 +19,18 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use scheme_opt::attitude::Position;
-use scheme_opt::certificate::{Bound, Certifier};
-use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::certificate::{Bound, Certifier};
+use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{
+    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
+};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 fn main() {
     let counts: Vec<usize> = std::env::args()
@@ -184,10 +186,9 @@ fn optimised_schedule(seed: u64) -> Tally {
             && rng.random_bool(0.1),
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
     let evaluator = Evaluator::new(platform.clone(), objective);
     let deadline = Instant::now() + Duration::from_millis(500);
-    let control = Control::new(&cancel, &|_| {}).with_deadline(Some(deadline));
+    let control = Control::default().with_deadline(Some(deadline));
     let Ok(found) = search(&evaluator, &problem, &control) else {
         tally.refused += 1;
         return tally;

@@ -5,12 +5,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::certificate::Certifier;
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::search::shortest::shortest;
-use scheme_opt::search::{Control, SearchProblem};
+use scheme_opt::internals::certificate::Certifier;
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::search::shortest::shortest;
+use scheme_opt::internals::search::{Control, SearchProblem};
 
 fn main() -> scheme_opt::Result<()> {
     let platform = PlatformConfig::default().check()?;
@@ -29,8 +29,7 @@ fn main() -> scheme_opt::Result<()> {
         ..Objective::default()
     };
     let evaluator = Evaluator::new(platform, objective);
-    let cancel = AtomicBool::new(false);
-    let found = shortest(&evaluator, &problem, &Control::new(&cancel, &|_| {}))?;
+    let found = shortest(&evaluator, &problem, &Control::default())?;
 
     println!("{}: {}", found.status.name(), found.reason);
     println!(

@@ -7,11 +7,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::{CoefficientVector, DriftCoefficient, DriftKind};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient, DriftKind};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 fn main() -> scheme_opt::Result<()> {
     let mut weights = CoefficientVector::repeat(1.0);
@@ -35,8 +35,7 @@ fn main() -> scheme_opt::Result<()> {
             ..Objective::default()
         };
         let evaluator = Evaluator::new(PlatformConfig::default().check()?, objective);
-        let cancel = AtomicBool::new(false);
-        let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {}))?;
+        let found = search(&evaluator, &problem, &Control::default())?;
         let sigma = found.evaluation.end.sigma_deg_per_h();
         println!(
             "{name}: D_F {:.6}, the rest {:.6} deg/h (largest of each)",

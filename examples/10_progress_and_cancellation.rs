@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::search::{Control, Progress, SearchProblem, search};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::search::{Control, Progress, SearchProblem, search};
 
 fn main() -> scheme_opt::Result<()> {
     let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());

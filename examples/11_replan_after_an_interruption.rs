@@ -8,11 +8,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::schedule::Schedule;
-use scheme_opt::schedule::standard::StandardScheme;
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::schedule::standard::StandardScheme;
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 fn main() -> scheme_opt::Result<()> {
     let mut config = PlatformConfig::default();
@@ -35,8 +35,7 @@ fn main() -> scheme_opt::Result<()> {
         starts: 4,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {}))?;
+    let found = search(&evaluator, &problem, &Control::default())?;
 
     let rest = Schedule::new(plan.positions()[6..].to_vec())?;
     let rest = rest.scaled_to(evaluator.platform(), 9000.0)?;

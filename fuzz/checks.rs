@@ -1,9 +1,9 @@
 // What every input must stand: no panic, and what is accepted is what it says it is. Shared by the
 // fuzz targets and by the short run in the tests.
 
-use scheme_opt::schedule::Schedule;
-use scheme_opt::schedule::file::{from_csv, from_json, to_csv, to_json};
-use scheme_opt::study::{StudyConfig, StudySource};
+use scheme_opt::internals::config::{StudyConfig, StudySource};
+use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::schedule::file::{from_csv, from_json, to_csv, to_json};
 
 /// Reads a platform file; true when it is accepted.
 pub fn platform_toml(text: &str) -> bool {

@@ -57,7 +57,7 @@ pub fn earth_rate_n(latitude_rad: f64) -> Vector3<f64> {
 /// angle, is only exact there; two positions are equal when their angles are.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
+/// use scheme_opt::internals::attitude::Position;
 /// let p = Position::from_deg(180.0, 0.0, 0.0);
 /// // Upside down: gravity along +y of the platform.
 /// assert_eq!(p.attitude().gravity_c().y, 1.0);

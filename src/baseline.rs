@@ -35,9 +35,9 @@ pub struct BaselineAccuracy {
 /// (`motion.min_dwell_s`) for each position, is part of the answer with the reason.
 ///
 /// ```
-/// use scheme_opt::baseline::baselines;
-/// use scheme_opt::evaluate::{Evaluator, Objective};
-/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::internals::baseline::baselines;
+/// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+/// use scheme_opt::internals::platform::PlatformConfig;
 ///
 /// let mut config = PlatformConfig::default();
 /// config.gimbals.beta_deg = Some([-60.0, 60.0]);

@@ -19,9 +19,9 @@
 //! 3. `criteria`: what that says of `a`, `d`, `e`, `max-ratio`, and of each σ.
 //!
 //! ```
-//! use scheme_opt::certificate::Certifier;
-//! use scheme_opt::criterion::Criterion;
-//! use scheme_opt::platform::PlatformConfig;
+//! use scheme_opt::internals::certificate::Certifier;
+//! use scheme_opt::internals::criterion::Criterion;
+//! use scheme_opt::internals::platform::PlatformConfig;
 //!
 //! let certifier = Certifier::new(&PlatformConfig::default().check()?);
 //! let bound = certifier.bound(&Criterion::rms(), 12_000.0)?;

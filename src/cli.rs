@@ -4,7 +4,7 @@
 //! either. [`run`] is all of it:
 //!
 //! ```no_run
-//! std::process::exit(i32::from(scheme_opt::cli::run(std::env::args_os()).code()));
+//! std::process::exit(i32::from(scheme_opt::internals::cli::run(std::env::args_os()).code()));
 //! ```
 
 mod analyze;

@@ -96,11 +96,11 @@ impl Command {
 /// The commands of a whole test.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::commands::CommandTable;
-/// use scheme_opt::motion::Timeline;
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::commands::CommandTable;
+/// use scheme_opt::internals::motion::Timeline;
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 ///
 /// let mut config = PlatformConfig::default();
 /// config.motion.slew_rate_deg_per_s = Some(0.5);

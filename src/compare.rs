@@ -105,10 +105,10 @@ pub struct Compared {
 /// comes after the scheme itself. Runs on the rayon pool it is called from.
 ///
 /// ```
-/// use scheme_opt::compare::{Contender, MOST_STEPS, Source, Terms, compare};
-/// use scheme_opt::evaluate::{Evaluator, Objective};
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::schedule::standard::StandardScheme;
+/// use scheme_opt::internals::compare::{Contender, MOST_STEPS, Source, Terms, compare};
+/// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::schedule::standard::StandardScheme;
 ///
 /// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
 /// let contenders = ["faces-6", "icosahedron-12"].map(|name| Contender {

@@ -120,8 +120,8 @@ impl Criterion {
     /// The same in words; none where a test makes a difference.
     ///
     /// ```
-    /// use scheme_opt::criterion::Criterion;
-    /// use scheme_opt::drift::{CoefficientVector, DriftCoefficient as D};
+    /// use scheme_opt::internals::criterion::Criterion;
+    /// use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D};
     /// let mut weights = CoefficientVector::zeros();
     /// weights[D::FX.index()] = 1.0;
     /// let mut prior_sigma = CoefficientVector::repeat(8.0);

@@ -171,8 +171,8 @@ pub fn drift_c(coefficients: &CoefficientVector, gravity_c: &Vector3<f64>) -> Ve
 /// D_F, g for the others.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::drift::{drift_matrix, DriftCoefficient};
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::drift::{drift_matrix, DriftCoefficient};
 /// // (27): at p1 = (0, 0, 0), ε_x^n = D_FX − D_SX.
 /// let a = drift_matrix(&Position::from_deg(0.0, 0.0, 0.0).attitude());
 /// assert_eq!(a[(0, DriftCoefficient::FX.index())], 1.0);

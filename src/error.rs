@@ -29,7 +29,7 @@ pub enum ErrorKind {
 /// Why a call failed, with its context.
 ///
 /// ```
-/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::internals::platform::PlatformConfig;
 /// let mut config = PlatformConfig::default();
 /// config.site.latitude_deg = 95.0;
 /// let error = config.check().unwrap_err();
@@ -274,7 +274,7 @@ mod tests {
 
     use super::*;
     use crate::schedule::file::{from_csv, from_json};
-    use crate::study::StudySource;
+    use crate::config::StudySource;
 
     /// The cause of an error, of the kind that is expected.
     fn cause<E: std::error::Error + 'static>(error: &Error) -> &E {

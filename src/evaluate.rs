@@ -150,10 +150,10 @@ struct Checked {
 /// Scores schedules on one platform. Cheap to share between threads.
 ///
 /// ```
-/// use scheme_opt::evaluate::{Evaluator, Objective};
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+/// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 ///
 /// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
 /// let schedule = Schedule::new(vec![

@@ -23,9 +23,9 @@
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;
-//! use scheme_opt::evaluate::{Evaluator, Objective};
-//! use scheme_opt::platform::PlatformConfig;
-//! use scheme_opt::search::{search, Control, SearchProblem};
+//! use scheme_opt::internals::evaluate::{Evaluator, Objective};
+//! use scheme_opt::internals::platform::PlatformConfig;
+//! use scheme_opt::internals::search::{search, Control, SearchProblem};
 //!
 //! // The paper's platform, but with a middle gimbal of ±60° and slews at 0.5 °/s.
 //! let mut config = PlatformConfig::default();
@@ -34,8 +34,7 @@
 //! let evaluator = Evaluator::new(config.check()?, Objective::default());
 //!
 //! let problem = SearchProblem { total_time_s: 14_400.0, starts: 4, ..Default::default() };
-//! let cancel = AtomicBool::new(false);
-//! let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {}))?;
+//! let found = search(&evaluator, &problem, &Control::default())?;
 //!
 //! println!("RMS sigma {:.6} deg/h", found.evaluation.rms_sigma_deg_per_h());
 //! assert!(found.evaluation.rms_sigma_deg_per_h() < 0.0015);

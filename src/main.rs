@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    scheme_opt::cli::run(std::env::args_os()).into()
+    scheme_opt::internals::cli::run(std::env::args_os()).into()
 }

@@ -219,12 +219,12 @@ impl Observability {
     /// Order of any combination; none: not observable, or nothing but zeros.
     ///
     /// ```
-    /// use scheme_opt::covariance::CovarianceModel;
-    /// use scheme_opt::drift::DriftCoefficient as D;
-    /// use scheme_opt::motion::Timeline;
-    /// use scheme_opt::observability::{Combination, Observability, Order};
-    /// use scheme_opt::platform::PlatformConfig;
-    /// use scheme_opt::schedule::standard::StandardScheme;
+    /// use scheme_opt::internals::covariance::CovarianceModel;
+    /// use scheme_opt::internals::drift::DriftCoefficient as D;
+    /// use scheme_opt::internals::motion::Timeline;
+    /// use scheme_opt::internals::observability::{Combination, Observability, Order};
+    /// use scheme_opt::internals::platform::PlatformConfig;
+    /// use scheme_opt::internals::schedule::standard::StandardScheme;
     /// let platform = PlatformConfig::default().check()?;
     /// let order_at = |scheme: StandardScheme| {
     ///     let schedule = scheme.schedule(12_000.0, &platform)?;

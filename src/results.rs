@@ -32,7 +32,7 @@ use crate::observability::{Observability, Unobservable};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{FrontPoint, SearchOutcome};
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 use crate::suspicion;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,

@@ -54,8 +54,8 @@ impl ScheduledPosition {
 /// A torquing scheme: positions in order, at least one.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 /// let schedule = Schedule::new(vec![
 ///     ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 1000.0),
 ///     ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),

@@ -78,7 +78,7 @@ pub use termination::RefinementCounters;
 pub fn search(
     evaluator: &Evaluator,
     problem: &SearchProblem,
-    control: &Control<'_>,
+    control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
@@ -110,7 +110,7 @@ pub fn search(
 pub(crate) fn nothing_to_find(
     evaluator: &Evaluator,
     problem: &SearchProblem,
-    control: &Control<'_>,
+    control: &Control,
     work: &Work,
 ) -> Result<Option<SearchOutcome>> {
     let objective = evaluator.objective();
@@ -146,7 +146,7 @@ pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Eval
 /// Evaluates the winner by both computations and says how the search ended.
 pub(crate) fn conclude(
     evaluator: &Evaluator,
-    control: &Control<'_>,
+    control: &Control,
     work: &Work,
     schedule: Schedule,
 ) -> Result<SearchOutcome> {
@@ -208,7 +208,7 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
 /// Status and reason of a search whose best schedule has been evaluated.
 fn verdict(
     evaluator: &Evaluator,
-    control: &Control<'_>,
+    control: &Control,
     work: &Work,
     evaluation: &Evaluation,
     unobservable: &Unobservable,

@@ -201,11 +201,11 @@ pub struct InitialTruth {
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
 /// ```
-/// use scheme_opt::motion::Timeline;
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::schedule::standard::StandardScheme;
-/// use scheme_opt::simulate::consistency::Verdict;
-/// use scheme_opt::simulate::{Simulation, SimulationOptions};
+/// use scheme_opt::internals::motion::Timeline;
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::schedule::standard::StandardScheme;
+/// use scheme_opt::internals::simulate::consistency::Verdict;
+/// use scheme_opt::internals::simulate::{Simulation, SimulationOptions};
 ///
 /// let platform = PlatformConfig::default().check()?;
 /// let schedule = StandardScheme::from_name("icosahedron-12")?.schedule(6000.0, &platform)?;

@@ -10,7 +10,7 @@
 //! have is on the quiet side of it. The rules and the reasons of their limits are in [`rules`].
 //!
 //! ```
-//! use scheme_opt::study::StudyConfig;
+//! use scheme_opt::internals::config::StudyConfig;
 //! use scheme_opt::suspicion::{self, Suspicion};
 //! let mut config = StudyConfig::default();
 //! assert!(suspicion::of(&config, &[], None).is_empty());
@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::report::numbers::number;
 use crate::schedule::Schedule;
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 
 /// A unit of time that seconds are mistaken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -20,7 +20,7 @@ pub const EARTH_RATE_RAD_PER_S: f64 = 7.292_115e-5;
 /// An angle, held in radians.
 ///
 /// ```
-/// use scheme_opt::units::Angle;
+/// use scheme_opt::internals::units::Angle;
 /// assert_eq!(Angle::from_deg(180.0).rad(), std::f64::consts::PI);
 /// assert!((Angle::from_deg(0.1).arcsec() - 360.0).abs() < 1e-12);
 /// ```
@@ -57,7 +57,7 @@ impl Angle {
 /// An angular rate (gyro drift, slew rate), held in rad/s.
 ///
 /// ```
-/// use scheme_opt::units::AngularRate;
+/// use scheme_opt::internals::units::AngularRate;
 /// let earth = AngularRate::from_rad_per_s(7.292115e-5);
 /// assert!((earth.deg_per_h() - 15.041).abs() < 1e-3);
 /// ```

@@ -23,14 +23,14 @@ mod ratios;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use scheme_opt::attitude::{Attitude, Position};
-use scheme_opt::covariance::reference::step_by_step;
-use scheme_opt::covariance::{CovarianceModel, DwellSequence, TickRule};
-use scheme_opt::criterion::{Criterion, Smoothing};
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::{Attitude, Position};
+use scheme_opt::internals::covariance::reference::step_by_step;
+use scheme_opt::internals::covariance::{CovarianceModel, DwellSequence, TickRule};
+use scheme_opt::internals::criterion::{Criterion, Smoothing};
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 /// Operations per schedule of twelve known dwells, in a lane: `the_work_of_a_schedule_is_what_it_was`.
 const OPERATIONS: f64 = 8017.0;

@@ -2,12 +2,12 @@
 
 use nalgebra::{Matrix3, SMatrix};
 use pulp::{Arch, Simd, WithSimd};
-use scheme_opt::attitude::Attitude;
-use scheme_opt::drift::drift_matrix;
-use scheme_opt::dynamics::ErrorDynamics;
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::Platform;
-use scheme_opt::units::ARCSEC_PER_RAD;
+use scheme_opt::internals::attitude::Attitude;
+use scheme_opt::internals::drift::drift_matrix;
+use scheme_opt::internals::dynamics::ErrorDynamics;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::Platform;
+use scheme_opt::internals::units::ARCSEC_PER_RAD;
 
 type Covariance = SMatrix<f64, 15, 15>;
 

@@ -4,9 +4,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use scheme_opt::attitude::Attitude;
-use scheme_opt::covariance::TickRule;
-use scheme_opt::drift::CoefficientVector;
+use scheme_opt::internals::attitude::Attitude;
+use scheme_opt::internals::covariance::TickRule;
+use scheme_opt::internals::drift::CoefficientVector;
 
 use crate::{Case, MANY, known_dwells, naive};
 
@@ -33,11 +33,14 @@ pub fn print(operations: f64) {
     let weights = CoefficientVector::repeat(1.0);
     let known = [8, 4].map(|lanes| known_dwells(case, lanes));
     let batch = |(dwells, attitudes): &(_, Vec<Vec<Attitude>>)| {
-        let dwells: &scheme_opt::covariance::DwellSequence = dwells;
+        let dwells: &scheme_opt::internals::covariance::DwellSequence = dwells;
         let all: Vec<&[Attitude]> = attitudes.iter().map(Vec::as_slice).collect();
         time(|| dwells.weighted_traces(black_box(&all), &weights)) / MANY as f64
     };
-    let one = |(dwells, attitudes): &(scheme_opt::covariance::DwellSequence, Vec<Vec<_>>)| {
+    let one = |(dwells, attitudes): &(
+        scheme_opt::internals::covariance::DwellSequence,
+        Vec<Vec<_>>,
+    )| {
         let run = || {
             for attitudes in attitudes {
                 let _ = black_box(dwells.weighted_trace(black_box(attitudes), &weights));

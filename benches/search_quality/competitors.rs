@@ -14,11 +14,11 @@ use argmin::solver::particleswarm::ParticleSwarm;
 use argmin::solver::simulatedannealing::{Anneal, SATempFunc, SimulatedAnnealing};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use scheme_opt::covariance::TickRule;
-use scheme_opt::evaluate::Evaluator;
-use scheme_opt::motion::Timeline;
-use scheme_opt::schedule::Schedule;
-use scheme_opt::search::variables::{Plan, Variables};
+use scheme_opt::internals::covariance::TickRule;
+use scheme_opt::internals::evaluate::Evaluator;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::search::variables::{Plan, Variables};
 
 use crate::problems::Problem;
 

@@ -25,11 +25,11 @@ use std::time::Instant;
 
 use competitors::Competitor;
 use problems::Problem;
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::search::shortest::shortest;
-use scheme_opt::search::{Control, Counters, SearchOutcome, SearchProblem, search};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::search::shortest::shortest;
+use scheme_opt::internals::search::{Control, Counters, SearchOutcome, SearchProblem, search};
 
 const SEEDS: u64 = 5;
 /// How much more time than the search the other optimisers get.
@@ -60,8 +60,7 @@ fn main() {
 
 fn run(problem: &Problem, search_problem: &SearchProblem) -> (SearchOutcome, f64) {
     let evaluator = problem.evaluator();
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {});
+    let control = Control::default();
     let start = Instant::now();
     let outcome = search(&evaluator, search_problem, &control).unwrap();
     (outcome, start.elapsed().as_secs_f64())
@@ -115,8 +114,7 @@ fn times_table(problems: &[Problem]) {
     for problem in problems {
         let plain = problem.evaluator();
         let search_problem = problem.search_problem(1);
-        let cancel = AtomicBool::new(false);
-        let control = Control::new(&cancel, &|_| {});
+        let control = Control::default();
         // The specification: 0.001 °/h for all, widened by the ratio that T allows.
         let of = |deg_per_h: f64| Objective {
             criterion: Criterion::MaxRatio {

@@ -1,10 +1,10 @@
 //! The fixed set of problems, each with the best value known.
 
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::{CoefficientVector, DriftCoefficient};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-use scheme_opt::search::SearchProblem;
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+use scheme_opt::internals::search::SearchProblem;
 
 /// A platform, a criterion and a total time.
 pub struct Problem {

@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::commands::CommandTable;
 use crate::results::schema::DocumentKind;
 use crate::simulate::{FilterModel, TruthModel};
-use crate::study::{CriterionKind, Mode};
+use crate::config::{CriterionKind, Mode};
 
 const ABOUT: &str =
     "Finds the torquing scheme that calibrates an inertially stabilised platform's gyros best";

@@ -4,7 +4,7 @@ use crate::certificate::{Certifier, MinimumTime};
 use crate::error::Result;
 use crate::report::numbers;
 use crate::results::BoundDocument;
-use crate::study::Mode;
+use crate::config::Mode;
 
 use super::Exit;
 use super::args::BoundArgs;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::results::TOOL_VERSION;
 use crate::schedule::text;
 use crate::search::checkpoint::{Finished, Journal};
-use crate::study::Study;
+use crate::config::Study;
 
 use super::files::write_file;
 use super::output::Output;

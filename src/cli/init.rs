@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::study::DEFAULT_TOML;
+use crate::config::DEFAULT_TOML;
 
 use super::Exit;
 use super::args::InitArgs;

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::motion::Timeline;
 use crate::results::Inputs;
 use crate::schedule::{Schedule, file};
-use crate::study::{Study, StudySource};
+use crate::config::{Study, StudySource};
 use crate::suspicion::{self, Warning};
 
 use super::args::{Common, Given};

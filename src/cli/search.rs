@@ -18,7 +18,7 @@ use crate::schedule::file::{to_csv, to_json};
 use crate::search::front::front;
 use crate::search::shortest::shortest;
 use crate::search::{Control, SearchOutcome, Status, search};
-use crate::study::{Mode, Study};
+use crate::config::{Mode, Study};
 
 use super::Exit;
 use super::args::SearchArgs;

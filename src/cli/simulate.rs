@@ -9,7 +9,7 @@ use crate::results::SimulationDocument;
 use crate::simulate::{
     PriorSize, Simulation, SimulationOptions, SweepPoint, ToldNoise, Trajectory, sweep,
 };
-use crate::study::Study;
+use crate::config::Study;
 
 use super::Exit;
 use super::args::SimulateArgs;

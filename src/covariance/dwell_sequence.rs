@@ -40,12 +40,12 @@ const KNOWN: f64 = 1e300;
 /// The durations of a schedule's dwells, with all that depends on them alone.
 ///
 /// ```
-/// use scheme_opt::attitude::Attitude;
-/// use scheme_opt::covariance::{CovarianceModel, TickRule};
-/// use scheme_opt::drift::CoefficientVector;
-/// use scheme_opt::motion::Timeline;
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::schedule::standard::StandardScheme;
+/// use scheme_opt::internals::attitude::Attitude;
+/// use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
+/// use scheme_opt::internals::drift::CoefficientVector;
+/// use scheme_opt::internals::motion::Timeline;
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::schedule::standard::StandardScheme;
 ///
 /// let platform = PlatformConfig::default().check()?;
 /// let model = CovarianceModel::new(&platform);

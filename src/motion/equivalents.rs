@@ -17,9 +17,9 @@ const TURNS: [i64; 3] = [0, 1, -1];
 /// lowest within the range; at β = ±90° four values of α.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::motion::equivalent_positions;
-/// use scheme_opt::platform::PlatformConfig;
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::motion::equivalent_positions;
+/// use scheme_opt::internals::platform::PlatformConfig;
 /// let platform = PlatformConfig::default().check()?;
 /// let all = equivalent_positions(&platform, Position::from_deg(10.0, 20.0, 30.0));
 /// assert_eq!(all.len(), 2);

@@ -361,7 +361,7 @@ pub fn orders(model: &CovarianceModel, timeline: &Timeline) -> [Option<Order>; C
 /// where one of them is constant, holds a NaN, or there are fewer than two numbers.
 ///
 /// ```
-/// use scheme_opt::observability::classical::rank_correlation;
+/// use scheme_opt::internals::observability::classical::rank_correlation;
 /// assert_eq!(rank_correlation(&[1.0, 2.0, 9.0], &[0.1, 0.2, 0.3]), Some(1.0));
 /// assert_eq!(rank_correlation(&[1.0, 1.0, 1.0], &[0.1, 0.2, 0.3]), None);
 /// ```

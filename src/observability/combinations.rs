@@ -9,8 +9,8 @@ use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 /// A linear combination of the coefficients and of ω_N ψ_y^n(0), all in the same rate unit.
 ///
 /// ```
-/// use scheme_opt::drift::DriftCoefficient as D;
-/// use scheme_opt::observability::Combination;
+/// use scheme_opt::internals::drift::DriftCoefficient as D;
+/// use scheme_opt::internals::observability::Combination;
 /// let difference = Combination::of(&[(D::IX, 1.0), (D::IY, -1.0)]);
 /// assert_eq!(difference.to_string(), "D_IX - D_IY");
 /// assert_eq!(Combination::input_trace().to_string(), "D_IX + D_IY + D_IZ");

@@ -33,8 +33,8 @@ pub const SPHERE_LOG_DET: f64 = -12.559_421_752_499_324;
 /// The information of a set of gravity directions in the levelling problem, per direction.
 ///
 /// ```
-/// use scheme_opt::observability::levelling::Levelling;
-/// use scheme_opt::schedule::standard::StandardScheme;
+/// use scheme_opt::internals::observability::levelling::Levelling;
+/// use scheme_opt::internals::schedule::standard::StandardScheme;
 /// let faces = Levelling::of_scheme(StandardScheme::Faces6)?;
 /// // The six-position test: none of the three D_I is of order 1.
 /// assert_eq!(faces.rank(), 9);

@@ -53,11 +53,11 @@ impl Unobservable {
     /// Of `schedule`, whose `evaluation` was made by `evaluator`.
     ///
     /// ```
-    /// use scheme_opt::drift::DriftCoefficient as D;
-    /// use scheme_opt::evaluate::{Evaluator, Objective};
-    /// use scheme_opt::observability::Unobservable;
-    /// use scheme_opt::platform::PlatformConfig;
-    /// use scheme_opt::schedule::standard::StandardScheme;
+    /// use scheme_opt::internals::drift::DriftCoefficient as D;
+    /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+    /// use scheme_opt::internals::observability::Unobservable;
+    /// use scheme_opt::internals::platform::PlatformConfig;
+    /// use scheme_opt::internals::schedule::standard::StandardScheme;
     /// let mut config = PlatformConfig::default();
     /// config.site.latitude_deg = 90.0;
     /// let evaluator = Evaluator::new(config.check()?, Objective::default());

@@ -20,10 +20,10 @@ impl Platform {
     /// [`Error::is_input`](crate::Error::is_input) when the platform could not have executed `done`.
     ///
     /// ```
-    /// use scheme_opt::attitude::Position;
-    /// use scheme_opt::evaluate::{Evaluator, Objective};
-    /// use scheme_opt::platform::PlatformConfig;
-    /// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+    /// use scheme_opt::internals::attitude::Position;
+    /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+    /// use scheme_opt::internals::platform::PlatformConfig;
+    /// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
     ///
     /// let at = |deg| ScheduledPosition::new(Position::from_deg(deg, 20.0, 40.0), 900.0);
     /// let platform = PlatformConfig::default().check()?;

@@ -7,7 +7,7 @@
 //! some 50 kB.
 //!
 //! ```
-//! use scheme_opt::report::figure::{Curve, Figure, Panel, Style};
+//! use scheme_opt::internals::report::figure::{Curve, Figure, Panel, Style};
 //! let panel = Panel::new("Falling", "time, s", "height, m")
 //!     .with_curve(Curve::new("truth", Style::TRUTH, vec![[0.0, 5.0], [0.5, 3.8], [1.0, 0.1]]));
 //! let svg = Figure::new(1).with_panel(panel).to_svg();

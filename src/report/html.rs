@@ -6,11 +6,11 @@
 //! and hovering are in it, and without the script it says the same.
 //!
 //! ```
-//! use scheme_opt::attitude::Position;
-//! use scheme_opt::report::html;
-//! use scheme_opt::results::{EvaluationDocument, Inputs};
-//! use scheme_opt::schedule::{Schedule, ScheduledPosition};
-//! use scheme_opt::study::StudyConfig;
+//! use scheme_opt::internals::attitude::Position;
+//! use scheme_opt::internals::report::html;
+//! use scheme_opt::internals::results::{EvaluationDocument, Inputs};
+//! use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+//! use scheme_opt::internals::config::StudyConfig;
 //!
 //! let config = StudyConfig::default();
 //! let evaluator = config.check()?.evaluator();

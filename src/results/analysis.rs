@@ -17,7 +17,7 @@ use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
 use crate::schedule::file::{PositionRecord, ScheduleDocument};
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 
 /// Name and major version of the [`AnalysisDocument`].
 pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";

@@ -11,7 +11,7 @@ use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
-use crate::study::{Mode, StudyConfig};
+use crate::config::{Mode, StudyConfig};
 
 /// Name and major version of the [`BoundDocument`].
 pub const BOUND_SCHEMA: &str = "scheme-opt/bound/1";

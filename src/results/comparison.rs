@@ -11,7 +11,7 @@ use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 use crate::suspicion;
 
 /// Name and major version of the [`ComparisonDocument`].

@@ -1,7 +1,7 @@
 //! JSON Schemas (2020-12) of the documents, made from the types that write them.
 //!
 //! ```
-//! use scheme_opt::results::schema::DocumentKind;
+//! use scheme_opt::internals::results::schema::DocumentKind;
 //! let schema = DocumentKind::Schedule.schema()?;
 //! assert!(schema.contains("\"dwell_s\""));
 //! # Ok::<(), scheme_opt::Error>(())
@@ -18,7 +18,7 @@ use crate::commands::CommandDocument;
 use crate::error::{Error, Result};
 use crate::schedule::file::ScheduleDocument;
 use crate::schedule::text::{shown, with_nearest};
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 
 /// A document that this program reads or writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -9,7 +9,7 @@ use crate::schedule::file::ScheduleDocument;
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::judgement::Judgement;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 
 use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
 

@@ -72,9 +72,9 @@ fn json_keys() -> impl Iterator<Item = &'static str> {
 /// program wrote.
 ///
 /// ```
-/// use scheme_opt::attitude::Position;
-/// use scheme_opt::schedule::file::ScheduleDocument;
-/// use scheme_opt::schedule::{Schedule, ScheduledPosition};
+/// use scheme_opt::internals::attitude::Position;
+/// use scheme_opt::internals::schedule::file::ScheduleDocument;
+/// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 /// let position = Position::from_deg(90.0, 0.0, -45.0);
 /// let schedule = Schedule::new(vec![ScheduledPosition::new(position, 600.0)])?;
 /// let document = ScheduleDocument::from(&schedule);
@@ -228,7 +228,7 @@ pub fn read(path: &Path) -> Result<Schedule> {
 /// [`Schedule::new`].
 ///
 /// ```
-/// use scheme_opt::schedule::file::from_json;
+/// use scheme_opt::internals::schedule::file::from_json;
 /// let error = from_json(
 ///     r#"{"positions": [
 ///         {"alpha_deg": 0, "beta_deg": 0, "gamma_deg": 0, "dwell_s": -5}
@@ -251,7 +251,7 @@ pub fn from_json(text: &str) -> Result<Schedule> {
 /// [`Schedule::new`].
 ///
 /// ```
-/// use scheme_opt::schedule::file::from_csv;
+/// use scheme_opt::internals::schedule::file::from_csv;
 /// let schedule = from_csv("dwell_s,alpha_deg,beta_deg,gamma_deg\n600,0,0,0\n600,90,0,0\n")?;
 /// assert_eq!(schedule.positions().len(), 2);
 /// # Ok::<(), scheme_opt::Error>(())

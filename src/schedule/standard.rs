@@ -25,8 +25,8 @@ use crate::platform::Platform;
 /// A built-in scheme.
 ///
 /// ```
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::schedule::standard::StandardScheme;
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::schedule::standard::StandardScheme;
 /// let platform = PlatformConfig::default().check()?;
 /// let scheme = StandardScheme::from_name("faces-12")?;
 /// let schedule = scheme.schedule(12_000.0, &platform)?;

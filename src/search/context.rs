@@ -15,7 +15,7 @@ use crate::evaluate::Evaluator;
 pub(crate) struct Context<'a> {
     pub evaluator: &'a Evaluator,
     pub problem: &'a SearchProblem,
-    pub control: &'a Control<'a>,
+    pub control: &'a Control,
     pub work: &'a Work,
 }
 

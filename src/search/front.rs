@@ -33,7 +33,7 @@ pub fn front(
     evaluator: &Evaluator,
     problem: &SearchProblem,
     points: usize,
-    control: &Control<'_>,
+    control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let work = Work::default();
@@ -134,7 +134,7 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
 
 struct Sweep<'a> {
     evaluator: &'a Evaluator,
-    control: &'a Control<'a>,
+    control: &'a Control,
     work: &'a Work,
     problems: Vec<SearchProblem>,
 }

@@ -49,15 +49,15 @@ impl FinishedPlan {
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use scheme_opt::evaluate::{Evaluator, Objective};
-/// use scheme_opt::platform::PlatformConfig;
-/// use scheme_opt::search::checkpoint::Journal;
-/// use scheme_opt::search::{Control, SearchProblem, search};
+/// use scheme_opt::internals::evaluate::{Evaluator, Objective};
+/// use scheme_opt::internals::platform::PlatformConfig;
+/// use scheme_opt::internals::search::checkpoint::Journal;
+/// use scheme_opt::internals::search::{Control, SearchProblem, search};
 ///
 /// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
 /// let problem = SearchProblem { max_positions: 2, starts: 1, ..SearchProblem::default() };
 /// let (cancel, journal) = (AtomicBool::new(false), Journal::default());
-/// let control = Control::new(&cancel, &|_| {}).with_journal(&journal);
+/// let control = Control::default().with_journal(&journal);
 /// let first = search(&evaluator, &problem, &control)?;
 /// // All of it is remembered now.
 /// assert_eq!(search(&evaluator, &problem, &control)?, first);

@@ -47,18 +47,18 @@ pub struct Progress {
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use scheme_opt::search::Control;
+/// use scheme_opt::internals::search::Control;
 /// let cancel = AtomicBool::new(false);
 /// let control = Control::new(&cancel, &|p| assert!(p.done <= p.total));
 /// ```
-pub struct Control<'a> {
+pub struct Control {
     cancel: &'a AtomicBool,
     progress: &'a (dyn Fn(&Progress) + Sync),
     deadline: Option<Instant>,
     journal: Option<&'a Journal>,
 }
 
-impl<'a> Control<'a> {
+impl<'a> Control {
     /// Reports to `progress`; stops soon after `cancel` becomes true.
     pub fn new(cancel: &'a AtomicBool, progress: &'a (dyn Fn(&Progress) + Sync)) -> Self {
         Self {

@@ -46,7 +46,7 @@ const LONGEST_TRIAL: f64 = 64.0;
 pub fn shortest(
     evaluator: &Evaluator,
     problem: &SearchProblem,
-    control: &Control<'_>,
+    control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
     let Some(spec_deg_per_h) = evaluator.objective().spec_deg_per_h else {
@@ -100,7 +100,7 @@ pub fn shortest(
 struct RootSearch<'a> {
     evaluator: &'a Evaluator,
     problem: &'a SearchProblem,
-    control: &'a Control<'a>,
+    control: &'a Control,
     work: &'a Work,
 }
 

@@ -543,7 +543,7 @@ mod tests {
         const ALLOCATED: usize = 400;
         let evaluator = evaluator();
         let (cancel, work) = (AtomicBool::new(false), Work::default());
-        let control = Control::new(&cancel, &|_| {});
+        let control = Control::default();
         for count in 1..=4 {
             let problem = SearchProblem {
                 max_positions: count,

@@ -179,8 +179,7 @@ mod tests {
                 starts: 6,
                 ..SearchProblem::default()
             };
-            let cancel = AtomicBool::new(false);
-            let control = Control::new(&cancel, &|_| {});
+            let control = Control::default();
             let (alone, together) = (Work::default(), Work::default());
             let context = |work| Context {
                 evaluator: &evaluator,

@@ -76,7 +76,7 @@ impl Consistency {
     /// `None` when nothing was summed.
     ///
     /// ```
-    /// use scheme_opt::simulate::consistency::{Consistency, Verdict};
+    /// use scheme_opt::internals::simulate::consistency::{Consistency, Verdict};
     /// let c = Consistency::of_sum(1500.0, 15, 100).unwrap();
     /// assert_eq!((c.average, c.verdict), (15.0, Verdict::Consistent));
     /// assert!(c.bounds[0] > 13.9 && c.bounds[1] < 16.1);

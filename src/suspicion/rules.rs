@@ -29,7 +29,7 @@
 
 use super::{Instrument, Rescaled, Suspicion, TimeUnit, Warning};
 use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
-use crate::study::StudyConfig;
+use crate::config::StudyConfig;
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 
 /// Largest angle that radians are taken for, a turn and its rounding.

@@ -8,7 +8,7 @@ use super::*;
 use crate::attitude::Position;
 use crate::platform::{AxisValue, GSensitivePrior};
 use crate::schedule::ScheduledPosition;
-use crate::study::{PerCoefficient, StudySource};
+use crate::config::{PerCoefficient, StudySource};
 
 /// What a platform file raises: keys and messages.
 fn of_file(text: &str) -> Vec<Warning> {
@@ -398,7 +398,7 @@ impl Draw {
 fn what_stands_have_raises_nothing() {
     let default = StudySource::embedded_default();
     assert_eq!(of(&default.config, default.defaulted(), None), []);
-    assert_eq!(of_file(crate::study::DEFAULT_TOML), []);
+    assert_eq!(of_file(crate::config::DEFAULT_TOML), []);
     let mut draw = Draw(ChaCha8Rng::seed_from_u64(1));
     for number in 0..1000 {
         let (config, schedule) = (draw.platform(), draw.schedule());

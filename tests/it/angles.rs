@@ -2,16 +2,16 @@
 //! the way round that a schedule says. In radians none of them is exact, and what hung on the last
 //! bit of an angle was wrong by up to 185 %.
 
-use scheme_opt::attitude::Position;
-use scheme_opt::commands::CommandTable;
-use scheme_opt::covariance::{CovarianceModel, TickRule};
-use scheme_opt::drift::DriftCoefficient;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::{Timeline, equivalent_positions};
-use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig};
-use scheme_opt::schedule::file::{from_csv, from_json, to_csv, to_json};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::commands::CommandTable;
+use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
+use scheme_opt::internals::drift::DriftCoefficient;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::{Timeline, equivalent_positions};
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig};
+use scheme_opt::internals::schedule::file::{from_csv, from_json, to_csv, to_json};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 use crate::dense_filter;
 use crate::support::Random;
@@ -319,7 +319,7 @@ fn what_a_search_found_is_what_its_file_says() {
             seed,
             ..SearchProblem::default()
         };
-        let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {})).unwrap();
+        let found = search(&evaluator, &problem, &Control::default()).unwrap();
         let known = found.evaluation.rms_sigma_deg_per_h();
         for read in [
             from_json(&to_json(&found.schedule)).unwrap(),

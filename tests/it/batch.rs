@@ -2,12 +2,14 @@
 
 use std::borrow::Cow;
 
-use scheme_opt::covariance::{CoefficientCovariance, CovarianceModel, CovarianceRoot, TickRule};
-use scheme_opt::criterion::{Criterion, Smoothing};
-use scheme_opt::drift::{CoefficientMatrix, CoefficientVector};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::covariance::{
+    CoefficientCovariance, CovarianceModel, CovarianceRoot, TickRule,
+};
+use scheme_opt::internals::criterion::{Criterion, Smoothing};
+use scheme_opt::internals::drift::{CoefficientMatrix, CoefficientVector};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::Random;
 

@@ -4,17 +4,17 @@
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use scheme_opt::attitude::Position;
-use scheme_opt::certificate::{Certifier, Majorant, MinimumTime};
-use scheme_opt::covariance::{CovarianceModel, TickRule};
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::search::shortest::shortest;
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::certificate::{Certifier, Majorant, MinimumTime};
+use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{AxisValue, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::search::shortest::shortest;
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 use crate::support::Random;
 
@@ -39,8 +39,7 @@ fn the_default_search_is_within_six_per_cent_of_the_best_possible() {
         PlatformConfig::default().check().unwrap(),
         Objective::default(),
     );
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {});
+    let control = Control::default();
     for (allow_tumbling, gap) in [(false, 1.06), (true, 1.055)] {
         let problem = SearchProblem {
             starts: 24,
@@ -195,9 +194,8 @@ fn the_shortest_test_found_is_no_shorter_than_possible() {
         starts: 4,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
     let deadline = Instant::now() + Duration::from_secs(2);
-    let control = Control::new(&cancel, &|_| {}).with_deadline(Some(deadline));
+    let control = Control::default().with_deadline(Some(deadline));
     let evaluator = Evaluator::new(platform, objective);
     let found = shortest(&evaluator, &problem, &control).unwrap();
     let time_s = found.evaluation.total_time_s;

@@ -2,12 +2,12 @@
 //! schedule's attitudes.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use scheme_opt::attitude::Position;
-use scheme_opt::commands::{CommandTable, Segment};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::units::{Angle, AngularRate};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::commands::{CommandTable, Segment};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::units::{Angle, AngularRate};
 
 use crate::support::Random;
 

@@ -7,12 +7,14 @@
 
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
-use scheme_opt::attitude::{EAST, NORTH, Position, UP};
-use scheme_opt::covariance::{CovarianceModel, split_periods};
-use scheme_opt::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
-use scheme_opt::platform::{Platform, Repositioning};
-use scheme_opt::schedule::Schedule;
-use scheme_opt::units::ARCSEC_PER_RAD;
+use scheme_opt::internals::attitude::{EAST, NORTH, Position, UP};
+use scheme_opt::internals::covariance::{CovarianceModel, split_periods};
+use scheme_opt::internals::drift::{
+    COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient,
+};
+use scheme_opt::internals::platform::{Platform, Repositioning};
+use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::units::ARCSEC_PER_RAD;
 
 type Float = FBig<HalfEven, 2>;
 type Matrix = Vec<Vec<Float>>;
@@ -141,8 +143,9 @@ fn drift_matrix(attitude: &Matrix) -> Matrix {
         let mut unit = CoefficientVector::zeros();
         unit[c.index()] = 1.0;
         // Its factor is linear in g^c, which is minus the Up row of C_c^n.
-        let factor_at =
-            |gravity: [f64; 3]| scheme_opt::drift::drift_c(&unit, &gravity.into())[c.gyro()];
+        let factor_at = |gravity: [f64; 3]| {
+            scheme_opt::internals::drift::drift_c(&unit, &gravity.into())[c.gyro()]
+        };
         let constant = factor_at([0.0; 3]);
         let mut factor = float(constant);
         for axis in 0..3 {

@@ -1,11 +1,11 @@
 //! Attitudes in known dwells against the evaluation that knows nothing beforehand.
 
-use scheme_opt::attitude::Attitude;
-use scheme_opt::covariance::{CovarianceModel, TickRule};
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::Attitude;
+use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{AxisValue, Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::Random;
 

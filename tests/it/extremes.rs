@@ -1,10 +1,10 @@
 //! The whole of the allowed ranges: the two computations agree to 1e-6, or both are withheld with
 //! a reason; nothing panics, nothing hangs.
 
-use scheme_opt::attitude::Position;
-use scheme_opt::evaluate::{AGREEMENT, Evaluator, Objective};
-use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::evaluate::{AGREEMENT, Evaluator, Objective};
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::Random;
 

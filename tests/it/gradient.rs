@@ -4,14 +4,14 @@
 //! scalar measurement updates instead of kernels, and integrates moves by its own quadrature.
 
 use num_dual::{Dual64 as T, DualNum};
-use scheme_opt::attitude::Position;
-use scheme_opt::covariance::gradient::LegGradient;
-use scheme_opt::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
-use scheme_opt::criterion::{Criterion, Smoothing};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::units::ARCSEC_PER_RAD;
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::gradient::LegGradient;
+use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
+use scheme_opt::internals::criterion::{Criterion, Smoothing};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::units::ARCSEC_PER_RAD;
 
 use crate::support::Random;
 

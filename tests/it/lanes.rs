@@ -2,19 +2,18 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::results::{Inputs, ResultDocument};
-use scheme_opt::schedule::file::{to_csv, to_json};
-use scheme_opt::search::{Control, SearchProblem, search};
-use scheme_opt::study::StudyConfig;
+use scheme_opt::internals::config::StudyConfig;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::results::{Inputs, ResultDocument};
+use scheme_opt::internals::schedule::file::{to_csv, to_json};
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 /// What a search writes, its evaluator kept to `lanes`.
 fn written(platform: &PlatformConfig, problem: &SearchProblem, lanes: usize) -> [String; 3] {
     let evaluator =
         Evaluator::new(platform.check().unwrap(), Objective::default()).with_most_lanes(lanes);
-    let cancel = AtomicBool::new(false);
-    let outcome = search(&evaluator, problem, &Control::new(&cancel, &|_| {})).unwrap();
+    let outcome = search(&evaluator, problem, &Control::default()).unwrap();
     let inputs = Inputs {
         config: StudyConfig::default(),
         defaulted: Vec::new(),

@@ -4,11 +4,11 @@
 use std::sync::atomic::AtomicBool;
 
 use proptest::prelude::*;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig};
-use scheme_opt::schedule::ScheduledPosition;
-use scheme_opt::search::{Control, SearchOutcome, SearchProblem, search};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig};
+use scheme_opt::internals::schedule::ScheduledPosition;
+use scheme_opt::internals::search::{Control, SearchOutcome, SearchProblem, search};
 
 /// A range of a gimbal, or none; with zero inside, so that an index table has a setting.
 fn range() -> impl Strategy<Value = Option<[f64; 2]>> {
@@ -106,8 +106,7 @@ fn a_plan_without_spare_time_is_rounded() {
         seed: 10427044617184570973,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {})).unwrap();
+    let found = search(&evaluator, &problem, &Control::default()).unwrap();
     keeps_the_limits(&platform, &problem, &found);
     assert_eq!(found.schedule.positions().len(), 4);
 }
@@ -133,8 +132,7 @@ proptest! {
             allow_tumbling: allow_tumbling && config.gimbals.step_deg.is_none(),
             ..SearchProblem::default()
         };
-        let cancel = AtomicBool::new(false);
-        match search(&evaluator, &problem, &Control::new(&cancel, &|_| {})) {
+        match search(&evaluator, &problem, &Control::default()) {
             Ok(found) => keeps_the_limits(&platform, &problem, &found),
             Err(error) => prop_assert!(error.is_infeasible(), "{error}"),
         }

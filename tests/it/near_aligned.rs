@@ -3,19 +3,19 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use scheme_opt::attitude::Position;
-use scheme_opt::covariance::CovarianceModel;
-use scheme_opt::drift::expansions::{epsilon_x, epsilon_y, epsilon_z};
-use scheme_opt::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient as D};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::observability::analysis::Analysis;
-use scheme_opt::observability::nearly::Nearly;
-use scheme_opt::observability::solution::{NoSolution, Rows, Solution};
-use scheme_opt::observability::{Combination, Observability, Order, RANK_TOLERANCE};
-use scheme_opt::platform::{PlatformConfig, Repositioning};
-use scheme_opt::results::{AnalysisDocument, Inputs};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::CovarianceModel;
+use scheme_opt::internals::drift::expansions::{epsilon_x, epsilon_y, epsilon_z};
+use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient as D};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::observability::analysis::Analysis;
+use scheme_opt::internals::observability::nearly::Nearly;
+use scheme_opt::internals::observability::solution::{NoSolution, Rows, Solution};
+use scheme_opt::internals::observability::{Combination, Observability, Order, RANK_TOLERANCE};
+use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
+use scheme_opt::internals::results::{AnalysisDocument, Inputs};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::Random;
 
@@ -303,7 +303,7 @@ fn analysed(config: &PlatformConfig, schedule: &Schedule) -> (Analysis, Analysis
     let evaluation = evaluator.evaluate(schedule).unwrap();
     let analysis = Analysis::new(&evaluator, schedule, &evaluation).unwrap();
     let inputs = Inputs {
-        config: scheme_opt::study::StudyConfig::default(),
+        config: scheme_opt::internals::config::StudyConfig::default(),
         defaulted: Vec::new(),
     };
     let document = AnalysisDocument::new(&analysis, &evaluation, schedule, &inputs);

@@ -1,23 +1,27 @@
 //! What the paper says about observability, and what follows from it.
 
 use nalgebra::Vector3;
-use scheme_opt::attitude::{EAST, Position, UP, earth_rate_n};
-use scheme_opt::covariance::CovarianceModel;
-use scheme_opt::drift::{CoefficientVector, DriftCoefficient as D, DriftKind, drift_matrix};
-use scheme_opt::dynamics::ErrorDynamics;
-use scheme_opt::evaluate::{Evaluation, Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::observability::advice::Advice;
-use scheme_opt::observability::analysis::{Analysis, State, state_orders_of_a_dwell};
-use scheme_opt::observability::levelling::{Levelling, SPHERE_LOG_DET};
-use scheme_opt::observability::reconstruction::{Levelled, MeasurementJet, Reconstruction};
-use scheme_opt::observability::solution::Solution;
-use scheme_opt::observability::suggest::Suggestion;
-use scheme_opt::observability::{Channel, Combination, Observability, Order};
-use scheme_opt::platform::{PlatformConfig, Repositioning};
-use scheme_opt::schedule::standard::StandardScheme;
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::units::{Angle, AngularRate};
+use scheme_opt::internals::attitude::{EAST, Position, UP, earth_rate_n};
+use scheme_opt::internals::covariance::CovarianceModel;
+use scheme_opt::internals::drift::{
+    CoefficientVector, DriftCoefficient as D, DriftKind, drift_matrix,
+};
+use scheme_opt::internals::dynamics::ErrorDynamics;
+use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::observability::advice::Advice;
+use scheme_opt::internals::observability::analysis::{Analysis, State, state_orders_of_a_dwell};
+use scheme_opt::internals::observability::levelling::{Levelling, SPHERE_LOG_DET};
+use scheme_opt::internals::observability::reconstruction::{
+    Levelled, MeasurementJet, Reconstruction,
+};
+use scheme_opt::internals::observability::solution::Solution;
+use scheme_opt::internals::observability::suggest::Suggestion;
+use scheme_opt::internals::observability::{Channel, Combination, Observability, Order};
+use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::standard::StandardScheme;
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::units::{Angle, AngularRate};
 
 use crate::support::Random;
 

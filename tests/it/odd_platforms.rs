@@ -4,17 +4,17 @@
 use std::sync::atomic::AtomicBool;
 
 use rayon::prelude::*;
-use scheme_opt::commands::CommandTable;
-use scheme_opt::drift::DriftCoefficient;
-use scheme_opt::evaluate::Evaluator;
-use scheme_opt::motion::Timeline;
-use scheme_opt::observability::Unobservable;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, Repositioning};
-use scheme_opt::schedule::Schedule;
-use scheme_opt::search::front::front;
-use scheme_opt::search::shortest::shortest;
-use scheme_opt::search::{Control, SearchOutcome, Status, search};
-use scheme_opt::study::{CriterionKind, Mode, PerCoefficient, Study, StudyConfig};
+use scheme_opt::internals::commands::CommandTable;
+use scheme_opt::internals::config::{CriterionKind, Mode, PerCoefficient, Study, StudyConfig};
+use scheme_opt::internals::drift::DriftCoefficient;
+use scheme_opt::internals::evaluate::Evaluator;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::observability::Unobservable;
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, Platform, Repositioning};
+use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::search::front::front;
+use scheme_opt::internals::search::shortest::shortest;
+use scheme_opt::internals::search::{Control, SearchOutcome, Status, search};
 
 use crate::support::Random;
 
@@ -211,8 +211,7 @@ fn study(case: u64) -> Study {
 }
 
 fn run(study: &Study, evaluator: &Evaluator) -> scheme_opt::error::Result<SearchOutcome> {
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {});
+    let control = Control::default();
     let problem = study.search_problem();
     match study.objective().mode {
         Mode::Accuracy => search(evaluator, &problem, &control),

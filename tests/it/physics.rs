@@ -2,12 +2,12 @@
 
 use nalgebra::{Matrix3, Rotation3};
 use proptest::prelude::*;
-use scheme_opt::attitude::{Attitude, Position};
-use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
-use scheme_opt::drift::{CoefficientVector, DriftCoefficient};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::{Attitude, Position};
+use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 fn end(config: &PlatformConfig, positions: Vec<ScheduledPosition>) -> EndCovariance {
     let platform = config.check().unwrap();

@@ -1,13 +1,13 @@
 //! The kernels and the step-by-step filter against a dense Kalman filter in 320-bit arithmetic:
 //! weak priors, near-unobservable corners.
 
-use scheme_opt::attitude::Position;
-use scheme_opt::covariance::reference::{step_by_step, step_by_step_extended};
-use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::reference::{step_by_step, step_by_step_extended};
+use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::dense_filter::{self, Exact};
 use crate::extremes::{extreme_platform, extreme_schedule};

@@ -1,12 +1,12 @@
 //! The kernel evaluator and the square-root filter against an independent dense Kalman filter.
 
-use scheme_opt::attitude::Position;
-use scheme_opt::covariance::reference::{Moment, step_by_step};
-use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{Platform, PlatformConfig};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::reference::{Moment, step_by_step};
+use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{Platform, PlatformConfig};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::support::{ReferenceCase, reference_cases};
 
@@ -74,7 +74,7 @@ fn square_root_filter_agrees_to_1e_6() {
 
 #[test]
 fn kernels_and_filter_agree_from_strong_to_weak_priors() {
-    use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+    use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig};
     let case = reference_cases()
         .into_iter()
         .find(|c| c.name == "weak-prior-oblique-nine")
@@ -102,7 +102,7 @@ fn kernels_and_filter_agree_from_strong_to_weak_priors() {
 
 #[test]
 fn the_history_says_what_each_position_did() {
-    use scheme_opt::covariance::history::HistoryRecorder;
+    use scheme_opt::internals::covariance::history::HistoryRecorder;
     let mut improved = Vec::new();
     for case in reference_cases() {
         let platform = case.config.check().unwrap();
@@ -186,7 +186,7 @@ fn moves_are_followed_alike_by_kernels_and_filter() {
 
 #[test]
 fn the_history_follows_the_test_from_start_to_end() {
-    use scheme_opt::covariance::history::HistoryRecorder;
+    use scheme_opt::internals::covariance::history::HistoryRecorder;
     let (platform, timeline) = moving_test(true);
     let mut moments = Vec::new();
     step_by_step(&platform, &timeline, &mut |m| moments.push(*m)).unwrap();

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::drift::COEFFICIENTS;
-use scheme_opt::evaluate::{Evaluation, Evaluator, Objective};
-use scheme_opt::platform::{Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::drift::COEFFICIENTS;
+use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
+use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 use crate::support::Random;
 
@@ -74,7 +74,10 @@ fn a_search_continues_an_interrupted_test() {
     let platform = config.check().unwrap();
     let faces = |deg: [f64; 3]| {
         let [a, b, c] = deg;
-        ScheduledPosition::new(scheme_opt::attitude::Position::from_deg(a, b, c), 600.0)
+        ScheduledPosition::new(
+            scheme_opt::internals::attitude::Position::from_deg(a, b, c),
+            600.0,
+        )
     };
     let done = vec![
         faces([0.0, 0.0, 0.0]),
@@ -93,8 +96,7 @@ fn a_search_continues_an_interrupted_test() {
         starts: 4,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {})).unwrap();
+    let found = search(&evaluator, &problem, &Control::default()).unwrap();
     assert!(found.evaluation.total_time_s <= 7200.0 + 1e-6);
     let mut whole = done.clone();
     whole.extend(found.schedule.positions());

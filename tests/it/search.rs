@@ -4,15 +4,15 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use scheme_opt::criterion::Criterion;
-use scheme_opt::drift::CoefficientVector;
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::schedule::standard::StandardScheme;
-use scheme_opt::search::front::front;
-use scheme_opt::search::shortest::shortest;
-use scheme_opt::search::{Control, SearchOutcome, SearchProblem, Status, search};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::schedule::standard::StandardScheme;
+use scheme_opt::internals::search::front::front;
+use scheme_opt::internals::search::shortest::shortest;
+use scheme_opt::internals::search::{Control, SearchOutcome, SearchProblem, Status, search};
 
 fn evaluator(objective: Objective, change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
     let mut config = PlatformConfig::default();
@@ -21,8 +21,7 @@ fn evaluator(objective: Objective, change: impl FnOnce(&mut PlatformConfig)) -> 
 }
 
 fn run(evaluator: &Evaluator, problem: &SearchProblem) -> SearchOutcome {
-    let cancel = AtomicBool::new(false);
-    search(evaluator, problem, &Control::new(&cancel, &|_| {})).unwrap()
+    search(evaluator, problem, &Control::default()).unwrap()
 }
 
 #[test]
@@ -207,9 +206,8 @@ fn a_search_can_be_stopped_and_then_has_a_best_so_far() {
     assert!(found.evaluation.rms_sigma_deg_per_h() < 0.01);
     assert!(*reports.lock().unwrap() > 0);
 
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {})
-        .with_deadline(Some(Instant::now() + Duration::from_millis(30)));
+    let control =
+        Control::default().with_deadline(Some(Instant::now() + Duration::from_millis(30)));
     let found = search(&evaluator, &problem, &control).unwrap();
     assert_eq!(found.status, Status::TimeLimit);
     assert!(found.evaluation.rms_sigma_deg_per_h() < 0.01);
@@ -218,8 +216,7 @@ fn a_search_can_be_stopped_and_then_has_a_best_so_far() {
 #[test]
 fn what_cannot_be_searched_is_refused() {
     let table = evaluator(Objective::default(), |c| c.gimbals.step_deg = Some(15.0));
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {});
+    let control = Control::default();
     let turning = SearchProblem {
         allow_tumbling: true,
         ..SearchProblem::default()
@@ -287,8 +284,7 @@ fn shortest_and_most_accurate_agree() {
         starts: 4,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let control = Control::new(&cancel, &|_| {});
+    let control = Control::default();
     let found = shortest(&evaluator, &problem, &control).unwrap();
     assert_eq!(found.status, Status::Converged);
     assert!(found.evaluation.end.sigma_deg_per_h().max() <= 0.002);
@@ -322,8 +318,7 @@ fn the_front_falls() {
         starts: 8,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let found = front(&evaluator, &problem, 5, &Control::new(&cancel, &|_| {})).unwrap();
+    let found = front(&evaluator, &problem, 5, &Control::default()).unwrap();
     assert_eq!(found.status, Status::Converged);
     assert_eq!(found.front.len(), 5);
     for pair in found.front.windows(2) {

@@ -1,17 +1,19 @@
 //! Truth, filter and their consistency.
 
 use nalgebra::Vector3;
-use scheme_opt::attitude::{NORTH, Position};
-use scheme_opt::covariance::reference::step_by_step;
-use scheme_opt::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::simulate::consistency::Verdict;
-use scheme_opt::simulate::divergence::Sign;
-use scheme_opt::simulate::judgement::Judgement;
-use scheme_opt::simulate::specification::Decision;
-use scheme_opt::simulate::{
+use scheme_opt::internals::attitude::{NORTH, Position};
+use scheme_opt::internals::covariance::reference::step_by_step;
+use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{
+    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
+};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::simulate::consistency::Verdict;
+use scheme_opt::internals::simulate::divergence::Sign;
+use scheme_opt::internals::simulate::judgement::Judgement;
+use scheme_opt::internals::simulate::specification::Decision;
+use scheme_opt::internals::simulate::{
     FilterModel, InitialTruth, MonteCarlo, PriorSize, Simulation, SimulationOptions, ToldNoise,
     Trajectory, TruthModel, TruthNoise, largest_without_optimism, sweep,
 };

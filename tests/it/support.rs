@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use scheme_opt::attitude::Position;
-use scheme_opt::drift::DriftCoefficient;
-use scheme_opt::platform::PlatformConfig;
-use scheme_opt::schedule::Schedule;
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::drift::DriftCoefficient;
+use scheme_opt::internals::platform::PlatformConfig;
+use scheme_opt::internals::schedule::Schedule;
 use serde_json::Value;
 
 /// A schedule with the covariance that an independent dense Kalman filter found.
@@ -45,7 +45,8 @@ fn read_case(path: &Path) -> ReferenceCase {
     ReferenceCase {
         name: case["name"].as_str().unwrap().to_owned(),
         config: serde_json::from_value(case["platform"].clone()).unwrap(),
-        schedule: scheme_opt::schedule::file::from_json(&case["schedule"].to_string()).unwrap(),
+        schedule: scheme_opt::internals::schedule::file::from_json(&case["schedule"].to_string())
+            .unwrap(),
         total_time_s: number(&case["total_time_s"]),
         sigma_deg_per_h: DriftCoefficient::ALL
             .iter()

@@ -3,14 +3,14 @@
 
 use std::sync::atomic::AtomicBool;
 
-use scheme_opt::attitude::Position;
-use scheme_opt::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
-use scheme_opt::criterion::{Criterion, Smoothing};
-use scheme_opt::evaluate::{Evaluator, Objective};
-use scheme_opt::motion::Timeline;
-use scheme_opt::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-use scheme_opt::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::search::{Control, SearchProblem, search};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
+use scheme_opt::internals::criterion::{Criterion, Smoothing};
+use scheme_opt::internals::evaluate::{Evaluator, Objective};
+use scheme_opt::internals::motion::Timeline;
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 use crate::dense_filter;
 use crate::support::Random;
@@ -142,8 +142,7 @@ fn searches_with_few_positions_end_with_a_schedule_and_its_exact_criterion() {
                 starts: 4,
                 ..SearchProblem::default()
             };
-            let cancel = AtomicBool::new(false);
-            let found = search(&evaluator, &problem, &Control::new(&cancel, &|_| {})).unwrap();
+            let found = search(&evaluator, &problem, &Control::default()).unwrap();
             let value = found.evaluation.score.criterion;
             let exact = dense_filter::run(&platform, &found.schedule).criteria()[0];
             println!("prior {prior:e}, {max_positions} positions: {value:.9}");

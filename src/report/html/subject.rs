@@ -9,11 +9,11 @@ use crate::observability::analysis::Analysis;
 use crate::results::{AnalysisDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
-use crate::study::{Study, StudyConfig};
+use crate::config::{CheckedConfig, StudyConfig};
 
 /// A schedule, its platform, and all that can be computed of the two.
 pub(super) struct Subject {
-    pub study: Study,
+    pub study: CheckedConfig,
     pub evaluator: Evaluator,
     pub schedule: Schedule,
     pub timeline: Timeline,

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use scheme_opt::schedule::file;
+use scheme_opt::internals::schedule::file;
 use serde_json::Value;
 
 use super::documents::{has_evaluation_fields, has_result_fields, sigmas, strings, text};
@@ -250,7 +250,7 @@ fn the_result_can_be_made_again_from_itself() {
         "--json",
     ];
     let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
-    let inputs: scheme_opt::study::StudyConfig =
+    let inputs: scheme_opt::internals::config::StudyConfig =
         serde_json::from_value(document["inputs"].clone()).unwrap();
     assert_eq!(document["evaluation"]["score"]["criterion_name"], "d");
     let study = inputs.check().unwrap();
@@ -260,7 +260,7 @@ fn the_result_can_be_made_again_from_itself() {
         .as_f64()
         .unwrap();
     assert!((evaluation.score.criterion / criterion - 1.0).abs() < 1e-9);
-    let typed: scheme_opt::results::ResultDocument =
+    let typed: scheme_opt::internals::results::ResultDocument =
         serde_json::from_value(document.clone()).unwrap();
     assert_eq!(serde_json::to_value(&typed).unwrap(), document);
 }

@@ -1,6 +1,6 @@
 //! The documented fields of the JSON documents.
 
-use scheme_opt::drift::DriftCoefficient;
+use scheme_opt::internals::drift::DriftCoefficient;
 use serde_json::Value;
 
 pub fn text(value: &Value) -> &str {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use scheme_opt::study::DEFAULT_TOML;
+use scheme_opt::internals::config::DEFAULT_TOML;
 
 use super::{Desk, Run, SCHEDULE};
 

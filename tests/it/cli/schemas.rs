@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use scheme_opt::results::schema::DocumentKind;
+use scheme_opt::internals::results::schema::DocumentKind;
 use serde_json::Value;
 
 use super::{Desk, SCHEDULE};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use scheme_opt::study::{StudyConfig, StudySource};
+use scheme_opt::internals::config::{StudyConfig, StudySource};
 use scheme_opt::suspicion;
 
 use super::{Desk, SCHEDULE};

@@ -14,8 +14,8 @@ use crate::platform::in_range;
 /// `[objective.spec_deg_per_h]` (°/h, per g) and `[objective.weights]`.
 ///
 /// ```
-/// use scheme_opt::drift::DriftCoefficient;
-/// use scheme_opt::study::PerCoefficient;
+/// use scheme_opt::internals::drift::DriftCoefficient;
+/// use scheme_opt::internals::config::PerCoefficient;
 /// let spec = PerCoefficient {
 ///     default: Some(0.005),
 ///     coefficients: [(DriftCoefficient::IX, 0.01)].into(),

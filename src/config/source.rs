@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::keys::{self, Absent};
-use super::{Study, StudyConfig};
+use super::{CheckedConfig, StudyConfig};
 use crate::error::{Error, Result};
 use crate::schedule::text;
 
@@ -51,7 +51,7 @@ impl StudySource {
     /// for [`StudySource::check`].
     ///
     /// ```
-    /// use scheme_opt::study::StudySource;
+    /// use scheme_opt::internals::config::StudySource;
     /// let error = StudySource::parse("[site]\nlatitude = 28.2\n", None).unwrap_err();
     /// assert_eq!(error.line(), Some(2));
     /// assert!(error.to_string().contains("did you mean `latitude_deg`?"));
@@ -112,7 +112,7 @@ impl StudySource {
     /// # Errors
     ///
     /// As [`StudyConfig::check`], with file and line of the value that is not acceptable.
-    pub fn check(&self) -> Result<Study> {
+    pub fn check(&self) -> Result<CheckedConfig> {
         self.config.check().map_err(|e| self.located(e))
     }
 
@@ -121,7 +121,7 @@ impl StudySource {
     /// # Errors
     ///
     /// As [`StudyConfig::check_for_evaluation`], with file and line.
-    pub fn check_for_evaluation(&self) -> Result<Study> {
+    pub fn check_for_evaluation(&self) -> Result<CheckedConfig> {
         self.config
             .check_for_evaluation()
             .map_err(|e| self.located(e))

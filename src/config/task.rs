@@ -1,12 +1,12 @@
 //! From a checked study to what the evaluator and the search take.
 
-use super::{CriterionKind, Mode, Study};
+use super::{CriterionKind, Mode, CheckedConfig};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Evaluator, Objective};
 use crate::search::SearchProblem;
 
-impl Study {
+impl CheckedConfig {
     /// The evaluator's objective.
     pub fn evaluation_objective(&self) -> Objective {
         let score = &self.objective().score;
@@ -24,8 +24,8 @@ impl Study {
     /// An evaluator on the study's platform by its objective.
     ///
     /// ```
-    /// use scheme_opt::schedule::standard::StandardScheme;
-    /// use scheme_opt::study::StudyConfig;
+    /// use scheme_opt::internals::schedule::standard::StandardScheme;
+    /// use scheme_opt::internals::config::StudyConfig;
     /// let study = StudyConfig::default().check()?;
     /// let evaluator = study.evaluator();
     /// let scheme = StandardScheme::from_name("icosahedron-12")?;
@@ -76,7 +76,7 @@ impl Study {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::{PerCoefficient, StudyConfig};
+    use crate::config::{PerCoefficient, StudyConfig};
 
     #[test]
     fn every_choice_of_the_file_reaches_the_computation() {

@@ -3,10 +3,10 @@
 //! A platform file (TOML) is read by [`StudySource`], which knows where each value came from;
 //! its [`StudyConfig`] holds the values with units in their names, defaults filled in, and is
 //! what result documents embed; [`StudyConfig::check`] tests every value and gives the
-//! [`Study`].
+//! [`CheckedConfig`].
 //!
 //! ```
-//! use scheme_opt::study::StudySource;
+//! use scheme_opt::internals::config::StudySource;
 //! let mut source = StudySource::parse("[site]\nlatitude_deg = 47.3\n", None)?;
 //! // A command line option takes precedence over the file.
 //! source.config.objective.total_time_s = 6000.0;
@@ -81,13 +81,13 @@ impl StudyConfig {
     /// [`Error::is_input`] naming the key, the value and what is allowed.
     ///
     /// ```
-    /// use scheme_opt::study::{CriterionKind, StudyConfig};
+    /// use scheme_opt::internals::config::{CriterionKind, StudyConfig};
     /// let mut config = StudyConfig::default();
     /// config.objective.criterion = CriterionKind::MaxRatio;
     /// let error = config.check().unwrap_err();
     /// assert_eq!(error.key(), Some("objective.criterion"));
     /// ```
-    pub fn check(&self) -> Result<Study> {
+    pub fn check(&self) -> Result<CheckedConfig> {
         let study = self.check_for_evaluation()?;
         self.check_limits_fit(&study.platform)?;
         Ok(study)
@@ -99,7 +99,7 @@ impl StudyConfig {
     /// # Errors
     ///
     /// As [`StudyConfig::check`].
-    pub fn check_for_evaluation(&self) -> Result<Study> {
+    pub fn check_for_evaluation(&self) -> Result<CheckedConfig> {
         let platform = self.platform.check()?;
         in_range(
             TOTAL_TIME,
@@ -117,7 +117,7 @@ impl StudyConfig {
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
-        Ok(Study {
+        Ok(CheckedConfig {
             config,
             platform,
             weights,
@@ -163,14 +163,14 @@ impl StudyConfig {
 
 /// Platform and task with every value checked. Made by [`StudyConfig::check`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Study {
+pub struct CheckedConfig {
     config: StudyConfig,
     platform: Platform,
     weights: CoefficientVector,
     spec_deg_per_h: Option<CoefficientVector>,
 }
 
-impl Study {
+impl CheckedConfig {
     /// The configuration, as result documents embed it.
     pub fn config(&self) -> &StudyConfig {
         &self.config
