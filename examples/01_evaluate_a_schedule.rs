@@ -5,33 +5,28 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use scheme_opt::internals::attitude::Position;
-use scheme_opt::internals::drift::DriftCoefficient;
-use scheme_opt::internals::evaluate::{Evaluator, Objective};
-use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::{Position, Schedule, ScheduledPosition, Study};
 
 fn main() -> scheme_opt::Result<()> {
-    let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
+    let study = Study::embedded_default()?;
     let schedule = Schedule::new(vec![
         ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 1000.0),
         ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),
     ])?;
-    let evaluation = evaluator.evaluate(&schedule)?;
+    let evaluated = study.evaluate(&schedule)?;
 
-    let sigma = evaluation.end.sigma_deg_per_h();
     println!("coefficient   prior, deg/h   sigma, deg/h   separability");
-    for c in DriftCoefficient::ALL {
+    for c in &evaluated.document().coefficients {
         println!(
             "{:<11} {:>14.5} {:>14.5} {:>14.3}",
-            c.name(),
-            evaluation.prior_sigma_deg_per_h[c.index()],
-            sigma[c.index()],
-            evaluation.observability.separability[c.index()],
+            c.name.name(),
+            c.prior_sigma_deg_per_h,
+            c.sigma_deg_per_h,
+            c.separability,
         );
     }
     println!("two positions leave these unobservable:");
-    for combination in &evaluation.observability.unobservable {
+    for combination in &evaluated.document().observability.unobservable {
         println!("  {combination}");
     }
     Ok(())

@@ -6,30 +6,23 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use scheme_opt::internals::drift::{DriftCoefficient, DriftKind};
-use scheme_opt::internals::evaluate::{Evaluator, Objective};
-use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::schedule::standard::StandardScheme;
+use scheme_opt::{DriftKind, StandardScheme, Study};
 
 fn main() -> scheme_opt::Result<()> {
-    let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
+    let study = Study::embedded_default()?;
     println!("scheme            RMS sigma   input axes   others   (deg/h, 12000 s in all)");
     for name in ["faces-12", "axis-24", "cube-18", "icosahedron-12"] {
-        let schedule = StandardScheme::from_name(name)?.schedule(12_000.0, evaluator.platform())?;
-        let evaluation = evaluator.evaluate(&schedule)?;
-        let sigma = evaluation.end.sigma_deg_per_h();
+        let schedule = study.standard(StandardScheme::from_name(name)?)?;
+        let evaluated = study.evaluate(&schedule)?;
         let rms_of = |input: bool| {
-            let mut sum = (0.0, 0.0);
-            for c in DriftCoefficient::ALL {
-                if (c.kind() == DriftKind::Input) == input {
-                    sum = (sum.0 + sigma[c.index()].powi(2), sum.1 + 1.0);
-                }
-            }
-            (sum.0 / sum.1).sqrt()
+            let coefficients = evaluated.document().coefficients.iter();
+            let chosen = coefficients.filter(|c| (c.name.kind() == DriftKind::Input) == input);
+            let variances: Vec<f64> = chosen.map(|c| c.sigma_deg_per_h.powi(2)).collect();
+            (variances.iter().sum::<f64>() / variances.len() as f64).sqrt()
         };
         println!(
             "{name:<15} {:>11.5} {:>12.5} {:>8.5}",
-            evaluation.rms_sigma_deg_per_h(),
+            evaluated.rms_sigma_deg_per_h(),
             rms_of(true),
             rms_of(false),
         );

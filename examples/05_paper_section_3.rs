@@ -82,20 +82,15 @@ fn main() -> Result<()> {
                 reading.name,
                 omega_north(mode)? * reading.arcsec
             );
-            let paper = SimulationOptions {
-                truth: TruthModel::FirstOrder,
-                filter: FilterModel::Linear,
-                ..SimulationOptions::default()
-            };
+            let paper = SimulationOptions::default()
+                .with_truth(TruthModel::FirstOrder)
+                .with_filter(FilterModel::Linear);
             let run = simulate(&platform, reading, 1.0, paper)?;
             report("the paper's model", &run);
             if reading.arcsec == READINGS[0].arcsec {
                 write_figure(&directory, mode, &run)?;
             }
-            let nonlinear = SimulationOptions {
-                filter: FilterModel::Linear,
-                ..SimulationOptions::default()
-            };
+            let nonlinear = SimulationOptions::default().with_filter(FilterModel::Linear);
             let run = simulate(&platform, reading, 1.0, nonlinear)?;
             report("nonlinear platform, the paper's filter", &run);
             let calibrated = self::platform(mode, 0.01)?;

@@ -12,7 +12,6 @@
 //! draws so many platforms, so many random schedules on each, and runs so many short searches.
 #![allow(clippy::print_stdout, reason = "examples print what they show")]
 
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use rand::RngExt;

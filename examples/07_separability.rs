@@ -5,36 +5,35 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use scheme_opt::internals::drift::DriftCoefficient;
-use scheme_opt::internals::evaluate::{Evaluator, Objective};
-use scheme_opt::internals::observability::analysis::Analysis;
-use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::schedule::standard::StandardScheme;
+use scheme_opt::{StandardScheme, Study};
 
 fn main() -> scheme_opt::Result<()> {
-    let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
-    let schedule = StandardScheme::Faces6.schedule(12_000.0, evaluator.platform())?;
-    let evaluation = evaluator.evaluate(&schedule)?;
-    let analysis = Analysis::new(&evaluator, &schedule, &evaluation)?;
+    let study = Study::embedded_default()?;
+    let schedule = study.standard(StandardScheme::Faces6)?;
+    let analysed = study.analyze(&schedule)?;
+    let analysis = analysed.document();
 
     println!("coefficient  order  separability by order 1, by all");
-    let o = &evaluation.observability;
-    for c in DriftCoefficient::ALL {
-        let i = c.index();
-        let order = o.orders[i].map_or_else(|| "none".to_owned(), |o| o.number().to_string());
+    for c in &analysis.coefficients {
+        let order = c
+            .observability_order
+            .map(|order| order.number().to_string());
         println!(
-            "{:<12} {order:>5} {:>15.4} {:>15.4}",
-            c.name(),
-            o.separability_first_order[i],
-            o.separability[i]
+            "{:<12} {:>5} {:>15.4} {:>15.4}",
+            c.name.name(),
+            order.as_deref().unwrap_or("none"),
+            c.separability_first_order,
+            c.separability
         );
     }
     for advice in &analysis.advice {
         println!("{advice}");
     }
-    if let Ok(s) = &analysis.suggestion {
-        let [alpha, beta, gamma] = s.position.to_deg();
-        println!("Add ({alpha:.1}, {beta:.1}, {gamma:.1}) deg.");
+    if let Some(s) = &analysis.suggestion {
+        println!(
+            "Add ({:.1}, {:.1}, {:.1}) deg.",
+            s.position.alpha_deg, s.position.beta_deg, s.position.gamma_deg
+        );
         println!(
             "RMS sigma {:.6} becomes {:.6} deg/h.",
             s.before.rms_sigma_deg_per_h, s.after.rms_sigma_deg_per_h

@@ -3,39 +3,34 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use std::sync::atomic::AtomicBool;
+use scheme_opt::{Control, Study};
 
-use scheme_opt::internals::certificate::Certifier;
-use scheme_opt::internals::drift::CoefficientVector;
-use scheme_opt::internals::evaluate::{Evaluator, Objective};
-use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::search::shortest::shortest;
-use scheme_opt::internals::search::{Control, SearchProblem};
+/// 6000 s are the longest acceptable.
+const TASK: &str = "
+[objective]
+mode = \"time\"
+total_time_s = 6000
+
+[objective.spec_deg_per_h]
+default = 0.005
+
+[search]
+max_positions = 11
+starts = 2
+";
 
 fn main() -> scheme_opt::Result<()> {
-    let platform = PlatformConfig::default().check()?;
-    let spec_deg_per_h = CoefficientVector::repeat(0.005);
-    let problem = SearchProblem {
-        // The longest acceptable.
-        total_time_s: 6000.0,
-        max_positions: 11,
-        starts: 2,
-        ..SearchProblem::default()
-    };
-    let certifier = Certifier::new(&platform);
-    let least = certifier.minimum_time(&spec_deg_per_h, problem.total_time_s)?;
-    let objective = Objective {
-        spec_deg_per_h: Some(spec_deg_per_h),
-        ..Objective::default()
-    };
-    let evaluator = Evaluator::new(platform, objective);
-    let found = shortest(&evaluator, &problem, &Control::default())?;
+    let study = Study::from_toml(TASK)?;
+    let bound = study.bound()?;
+    let found = study.search(&Control::default())?;
 
-    println!("{}: {}", found.status.name(), found.reason);
+    let document = found.document();
+    println!("{}: {}", document.status, document.reason);
     println!(
-        "{:.0} s with {} positions; what no schedule can beat: {least:?}",
-        found.evaluation.total_time_s,
-        found.schedule.positions().len()
+        "{:.0} s with {} positions; what no schedule can beat: {:.0?} s",
+        document.evaluation.total_time_s,
+        found.schedule().positions().len(),
+        bound.document().minimum_time_s,
     );
     Ok(())
 }

@@ -5,42 +5,36 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its result")]
 
-use std::sync::atomic::AtomicBool;
-
-use scheme_opt::internals::criterion::Criterion;
-use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient, DriftKind};
-use scheme_opt::internals::evaluate::{Evaluator, Objective};
-use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::search::{Control, SearchProblem, search};
+use scheme_opt::{Control, DriftCoefficient, DriftKind, Study, StudyConfig};
 
 fn main() -> scheme_opt::Result<()> {
-    let mut weights = CoefficientVector::repeat(1.0);
+    let mut equal = StudyConfig::default();
+    equal.objective.total_time_s = 6000.0;
+    equal.search.max_positions = 12;
+    equal.search.starts = 4;
+
+    let mut weighted = equal.clone();
     for c in DriftCoefficient::ALL {
         if c.kind() == DriftKind::Constant {
-            weights[c.index()] = 25.0;
+            weighted.objective.weights.coefficients.insert(c, 25.0);
         }
     }
-    let problem = SearchProblem {
-        total_time_s: 6000.0,
-        max_positions: 12,
-        starts: 4,
-        ..SearchProblem::default()
-    };
-    for (name, criterion) in [
-        ("equal weights", Criterion::rms()),
-        ("constant drifts 25 times", Criterion::A { weights }),
+
+    for (name, config) in [
+        ("equal weights", equal),
+        ("constant drifts 25 times", weighted),
     ] {
-        let objective = Objective {
-            criterion,
-            ..Objective::default()
+        let found = Study::from_config(config)?.search(&Control::default())?;
+        let largest_of = |constant: bool| {
+            let coefficients = found.document().evaluation.coefficients.iter();
+            coefficients
+                .filter(|c| (c.name.kind() == DriftKind::Constant) == constant)
+                .fold(0.0_f64, |largest, c| largest.max(c.sigma_deg_per_h))
         };
-        let evaluator = Evaluator::new(PlatformConfig::default().check()?, objective);
-        let found = search(&evaluator, &problem, &Control::default())?;
-        let sigma = found.evaluation.end.sigma_deg_per_h();
         println!(
             "{name}: D_F {:.6}, the rest {:.6} deg/h (largest of each)",
-            sigma.rows(0, 3).max(),
-            sigma.rows(3, 9).max()
+            largest_of(true),
+            largest_of(false)
         );
     }
     Ok(())

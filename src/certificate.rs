@@ -40,6 +40,7 @@ mod profile;
 #[cfg(test)]
 mod proofs;
 mod recursion;
+mod remark;
 mod sampling;
 mod shortest;
 
@@ -57,6 +58,7 @@ use design::Space;
 use directions::{Allowed, Directions};
 pub use majorant::Majorant;
 use majorant::{Bounded, Choice, Emphasis, majorants};
+pub use remark::Remark;
 pub use shortest::MinimumTime;
 
 /// Relative margin on every bound: rounding, and filter periods counted as whole when they are
@@ -114,8 +116,8 @@ pub struct Bound {
     pub rms_sigma_deg_per_h: f64,
     /// Lower bound on each σ by itself, °/h: not all at once.
     pub sigma_deg_per_h: CoefficientVector,
-    /// What the bound does not cover or why it is weak, in words.
-    pub remarks: Vec<String>,
+    /// What the bound does not cover or why it is weak.
+    pub remarks: Vec<Remark>,
 }
 
 impl Certifier {
@@ -326,47 +328,23 @@ impl Certifier {
 
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
-    pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<String> {
-        if let Some(known) = criterion.known_in_words(&self.conditions.prior_sigma) {
-            return vec![known];
+    pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
+        if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
+            return vec![Remark::KnownBefore(known)];
         }
-        let mut remarks = Vec::new();
-        match bound.majorant.map(|m| m.kind) {
-            None if bound.lower_bound > 0.0 => remarks.push(
-                "nothing is measured in so short a test: the bound is the prior itself".to_owned(),
-            ),
-            None => remarks.push(
-                "no useful bound here, because without random drift and with so long a filter \
-                 period none of the majorants holds"
-                    .to_owned(),
-            ),
-            Some(Majorant::Isotropic) if self.conditions.frame_hold => remarks.push(
-                "in frame-hold repositioning moves turn the misalignment: it is as if all three of \
-                 its components were measured"
-                    .to_owned(),
-            ),
-            Some(Majorant::Isotropic) => remarks.push(
-                "weak bound, because the separated majorant does not hold here: it is as if all \
-                 three components of the misalignment were measured"
-                    .to_owned(),
-            ),
-            Some(Majorant::Separated) => {}
-        }
-        if matches!(self.directions.allowed, Allowed::Table(_)) {
-            remarks.push(
-                "for schedules on the index table whose moves take no time; while a move lasts, \
-                 the drift is seen at attitudes off the table"
-                    .to_owned(),
-            );
-        }
-        if self.conditions.omega_north == 0.0 {
-            remarks.push(
-                "at a pole the sum D_IX + D_IY + D_IZ is never seen: its prior is most of the \
-                 bound"
-                    .to_owned(),
-            );
-        }
-        remarks
+        let weak = match bound.majorant.map(|m| m.kind) {
+            None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
+            None => Some(Remark::NoMajorant),
+            Some(Majorant::Isotropic) if self.conditions.frame_hold => Some(Remark::FrameHold),
+            Some(Majorant::Isotropic) => Some(Remark::IsotropicMajorant),
+            Some(Majorant::Separated) => None,
+        };
+        let on_table = matches!(self.directions.allowed, Allowed::Table(_));
+        let at_pole = self.conditions.omega_north == 0.0;
+        weak.into_iter()
+            .chain(on_table.then_some(Remark::IndexTable))
+            .chain(at_pole.then_some(Remark::Pole))
+            .collect()
     }
 }
 

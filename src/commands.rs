@@ -227,6 +227,7 @@ pub const COMMANDS_SCHEMA: &str = "scheme-opt/commands/1";
 /// The table as a document.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CommandDocument {
     /// [`COMMANDS_SCHEMA`].
     pub schema: String,
@@ -242,6 +243,7 @@ pub struct CommandDocument {
 /// One command; see [`Command`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CommandRecord {
     /// When it begins, s since the start of the test.
     pub start_s: f64,

@@ -1,4 +1,4 @@
-//! The study: platform and task as a person writes them, checked into what is computed with.
+//! The configuration: platform and task as a person writes them, checked into what is computed with.
 //!
 //! A platform file (TOML) is read by [`StudySource`], which knows where each value came from;
 //! its [`StudyConfig`] holds the values with units in their names, defaults filled in, and is
@@ -32,12 +32,14 @@ use serde::{Deserialize, Serialize};
 use crate::drift::CoefficientVector;
 use crate::error::{Error, Result};
 use crate::platform::{GyroConfig, Platform, PlatformConfig, in_range};
+use crate::schedule::Schedule;
 
 /// A platform file: platform, objective and search, with units in the names.
 ///
 /// The default is the embedded platform file: the seed paper's §3 at latitude 28.2°, 12 000 s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct StudyConfig {
     /// The `[site]` … `[motion]` tables.
     #[serde(flatten)]
@@ -178,6 +180,16 @@ impl CheckedConfig {
     /// The platform, in SI.
     pub fn platform(&self) -> &Platform {
         &self.platform
+    }
+    /// The same in the middle of a test, see
+    /// [`Platform::interrupted_after`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub(crate) fn interrupted_after(mut self, done: Schedule) -> Result<Self> {
+        self.platform = self.platform.interrupted_after(done)?;
+        Ok(self)
     }
     /// What is to be achieved.
     pub fn objective(&self) -> &ObjectiveConfig {

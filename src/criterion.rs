@@ -17,6 +17,8 @@
 //!
 //! [`CovarianceRoot`]: crate::covariance::CovarianceRoot
 
+use std::fmt;
+
 use nalgebra::{Cholesky, DefaultAllocator, Dim, allocator::Allocator};
 
 use crate::covariance::{CoefficientCovariance, Slope};
@@ -49,6 +51,35 @@ pub enum Smoothing {
     Exact,
     /// max x ≈ (Σ x^p)^{1/p} on variances, p ≥ 1: smooth, and at most n^{1/2p} too large.
     PowerMean(f64),
+}
+
+/// Why a criterion is 0 before any test: every coefficient that counts in it is known exactly.
+/// [`fmt::Display`] says so in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownBefore {
+    criterion: Criterion,
+    coefficients: Vec<DriftCoefficient>,
+}
+
+impl fmt::Display for KnownBefore {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let which = match self.criterion {
+            Criterion::A { .. } => " with a weight",
+            Criterion::D | Criterion::E => "",
+            Criterion::MaxRatio { .. } => " with a specification",
+        };
+        let names: Vec<&str> = self.coefficients.iter().map(|c| c.name()).collect();
+        let names = match (self.criterion, names.len()) {
+            (Criterion::D | Criterion::E, _) | (_, 0 | COEFFICIENTS) => String::new(),
+            _ => format!(" ({})", names.join(", ")),
+        };
+        write!(
+            f,
+            "criterion {} is 0 before any test and whatever the schedule: every coefficient{which}\
+             {names} is known exactly, its prior sigma being 0",
+            self.criterion.name()
+        )
+    }
 }
 
 impl Criterion {
@@ -114,7 +145,7 @@ impl Criterion {
     /// Whether the value is 0 before any test and whatever the test: every coefficient that counts
     /// is known exactly, its prior σ being zero.
     pub fn is_known(&self, prior_sigma: &CoefficientVector) -> bool {
-        self.known_in_words(prior_sigma).is_some()
+        self.known_before(prior_sigma).is_some()
     }
 
     /// The same in words; none where a test makes a difference.
@@ -125,35 +156,20 @@ impl Criterion {
     /// let mut weights = CoefficientVector::zeros();
     /// weights[D::FX.index()] = 1.0;
     /// let mut prior_sigma = CoefficientVector::repeat(8.0);
-    /// assert_eq!(Criterion::A { weights }.known_in_words(&prior_sigma), None);
+    /// assert_eq!(Criterion::A { weights }.known_before(&prior_sigma), None);
     /// prior_sigma[D::FX.index()] = 0.0;
-    /// let words = Criterion::A { weights }.known_in_words(&prior_sigma).unwrap_or_default();
+    /// let words = Criterion::A { weights }.known_before(&prior_sigma).unwrap().to_string();
     /// assert!(words.starts_with("criterion a is 0 before any test"), "{words}");
     /// assert!(words.contains("D_FX"));
     /// ```
-    pub fn known_in_words(&self, prior_sigma: &CoefficientVector) -> Option<String> {
-        let counting = DriftCoefficient::ALL
-            .into_iter()
-            .filter(|c| self.counts(*c));
-        let counting: Vec<DriftCoefficient> = counting.collect();
-        if counting.iter().any(|c| prior_sigma[c.index()] > 0.0) {
-            return None;
-        }
-        let names: Vec<&str> = counting.iter().map(|c| c.name()).collect();
-        let (which, names) = match self {
-            Self::A { .. } => (" with a weight", names),
-            Self::D | Self::E => ("", Vec::new()),
-            Self::MaxRatio { .. } => (" with a specification", names),
-        };
-        let names = match names.len() {
-            0 | COEFFICIENTS => String::new(),
-            _ => format!(" ({})", names.join(", ")),
-        };
-        Some(format!(
-            "criterion {} is 0 before any test and whatever the schedule: every coefficient{which}\
-             {names} is known exactly, its prior sigma being 0",
-            self.name()
-        ))
+    pub fn known_before(&self, prior_sigma: &CoefficientVector) -> Option<KnownBefore> {
+        let all = DriftCoefficient::ALL.into_iter();
+        let counting: Vec<DriftCoefficient> = all.filter(|c| self.counts(*c)).collect();
+        let open = counting.iter().any(|c| prior_sigma[c.index()] > 0.0);
+        (!open).then(|| KnownBefore {
+            criterion: *self,
+            coefficients: counting,
+        })
     }
 
     /// The name used in files and documents.

@@ -273,8 +273,8 @@ mod tests {
     use std::error::Error as _;
 
     use super::*;
-    use crate::schedule::file::{from_csv, from_json};
     use crate::config::StudySource;
+    use crate::schedule::file::{from_csv, from_json};
 
     /// The cause of an error, of the kind that is expected.
     fn cause<E: std::error::Error + 'static>(error: &Error) -> &E {

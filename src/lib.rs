@@ -9,72 +9,89 @@
 //! The theory follows Ding, Cai & Huang, *Observable degree analysis of gyroscope error
 //! coefficients for inertially stabilized platforms self-calibration*, Journal of National
 //! University of Defense Technology 39(1), 2017; "(n)" in these pages is that paper's equation n.
-//! Where the paper has misprints, [`drift::expansions`] lists them and tests prove them.
-//!
-//! # Conventions
-//!
-//! - **n** is North – Up – East; gravity in it is (0, −1, 0) in units of 1 g ([`attitude`]).
-//! - A position is `C_c^n = Mx(α) My(β) Mz(γ)` (19), frame rotations.
-//! - Coefficients are in the order D_FX … D_SZ ([`drift::DriftCoefficient`]): constant drift D_F,
-//!   and drift per g along the input (D_I), output (D_O) and spin (D_S) axis of each gyro.
-//! - Inside, everything is SI; names carry the unit where it is not ([`units`]).
 //!
 //! # Primer
 //!
+//! Everything is asked of a [`Study`]: a platform and an objective, from a platform file, from TOML
+//! text or from a [`StudyConfig`], with every value checked. Each answer holds the JSON document that
+//! the command line writes (`.document()`, [`documents`]).
+//!
 //! ```
-//! use std::sync::atomic::AtomicBool;
-//! use scheme_opt::internals::evaluate::{Evaluator, Objective};
-//! use scheme_opt::internals::platform::PlatformConfig;
-//! use scheme_opt::internals::search::{search, Control, SearchProblem};
+//! use scheme_opt::{Control, Study};
 //!
 //! // The paper's platform, but with a middle gimbal of ±60° and slews at 0.5 °/s.
-//! let mut config = PlatformConfig::default();
-//! config.gimbals.beta_deg = Some([-60.0, 60.0]);
-//! config.motion.slew_rate_deg_per_s = Some(0.5);
-//! let evaluator = Evaluator::new(config.check()?, Objective::default());
-//!
-//! let problem = SearchProblem { total_time_s: 14_400.0, starts: 4, ..Default::default() };
-//! let found = search(&evaluator, &problem, &Control::default())?;
-//!
-//! println!("RMS sigma {:.6} deg/h", found.evaluation.rms_sigma_deg_per_h());
-//! assert!(found.evaluation.rms_sigma_deg_per_h() < 0.0015);
+//! let study = Study::from_toml(
+//!     "[gimbals]\n\
+//!      beta_deg = [-60, 60]\n\
+//!      [motion]\n\
+//!      slew_rate_deg_per_s = 0.5\n\
+//!      [search]\n\
+//!      starts = 4\n",
+//! )?;
+//! let found = study.search(&Control::default())?;
+//! let evaluation = &found.document().evaluation;
+//! println!("RMS sigma {:.6} deg/h", evaluation.rms_sigma_deg_per_h);
+//! assert!(evaluation.rms_sigma_deg_per_h < 0.0015);
+//! println!("{}", found.schedule().to_csv());
 //! # Ok::<(), scheme_opt::Error>(())
 //! ```
 //!
-//! # Where things are
+//! # Conventions
 //!
-//! Layers point one way: [`attitude`], [`units`], [`dynamics`] → [`drift`], [`platform`],
-//! [`schedule`], [`motion`] → [`covariance`], [`observability`] → [`criterion`], [`evaluate`] →
-//! [`search`], [`certificate`] (what no schedule can beat) → [`commands`] (for the stand),
-//! [`results`] and reports (feature `report`), command line (feature `cli`). The model never sees
-//! the search, nor the search the certificate, and the library never prints.
+//! - **n** is North – Up – East; gravity in it is (0, −1, 0) in units of 1 g.
+//! - A [`Position`] is `C_c^n = Mx(α) My(β) Mz(γ)` (19), frame rotations: a positive α turns the
+//!   platform about −x.
+//! - Coefficients are in the order D_FX … D_SZ ([`DriftCoefficient`]): constant drift D_F, and drift
+//!   per g along the input (D_I), output (D_O) and spin (D_S) axis of each gyro.
+//! - Names carry their unit where it is not SI; everything inside is SI.
+//!
+//! Where things are inside, and where something new goes, is told in `docs/architecture.md` of the
+//! repository.
 
 // Results have the same bytes on every machine: clippy.toml.
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-pub mod attitude;
-pub mod baseline;
-pub mod certificate;
+mod attitude;
+mod baseline;
+mod certificate;
 #[cfg(feature = "cli")]
-pub mod cli;
-pub mod commands;
-pub mod compare;
-pub mod covariance;
-pub mod criterion;
-pub mod drift;
-pub mod dynamics;
-pub mod error;
-pub mod evaluate;
-pub mod motion;
-pub mod observability;
-pub mod platform;
-pub mod report;
-pub mod results;
-pub mod schedule;
-pub mod search;
-pub mod simulate;
-pub mod study;
-pub mod suspicion;
-pub mod units;
+mod cli;
+mod commands;
+mod compare;
+mod config;
+mod covariance;
+mod criterion;
+mod drift;
+mod dynamics;
+mod error;
+mod evaluate;
+#[doc(hidden)]
+pub mod internals;
+mod motion;
+mod observability;
+mod platform;
+mod report;
+mod results;
+mod schedule;
+mod search;
+mod simulate;
+mod study;
+mod suspicion;
+mod units;
 
+pub mod documents;
+pub mod settings;
+
+pub use attitude::Position;
+pub use commands::{Command, CommandTable, Segment};
+pub use config::StudyConfig;
+pub use drift::{DriftCoefficient, DriftKind};
 pub use error::{Error, Result};
+pub use schedule::standard::StandardScheme;
+pub use schedule::{Schedule, ScheduledPosition};
+pub use search::{Control, Journal, Phase, Progress, Status};
+pub use simulate::{FilterModel, SimulationOptions, ToldNoise, TruthModel, TruthNoise};
+pub use study::{
+    AnalysisResult, BoundResult, ComparisonOptions, ComparisonResult, Contender, EvaluationResult,
+    SearchResult, SimulationRequest, SimulationResult, Study,
+};

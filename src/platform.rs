@@ -24,6 +24,7 @@ pub use gimbals::{GimbalRange, Gimbals};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct SiteConfig {
     /// Geographic latitude, degrees, −90 to 90.
     pub latitude_deg: f64,
@@ -33,6 +34,7 @@ pub struct SiteConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct AccelerometerConfig {
     /// White noise, 1σ per sample and axis, g. Greater than zero.
     pub noise_g: f64,
@@ -42,6 +44,7 @@ pub struct AccelerometerConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct GyroConfig {
     /// 1σ of the drift averaged over one filter period, °/h: PSD q = σ² · period.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,6 +58,7 @@ pub struct GyroConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct FilterConfig {
     /// Filter period, s: one measurement per period.
     pub period_s: f64,
@@ -64,6 +68,7 @@ pub struct FilterConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct PriorConfig {
     /// Misalignment ψ^n about North, Up, East, degrees.
     pub misalignment_deg: AxisValue,
@@ -77,6 +82,7 @@ pub struct PriorConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct GimbalsConfig {
     /// Range of α, degrees; none: unlimited rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -110,6 +116,7 @@ pub enum Repositioning {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct MotionConfig {
     /// Model of the change of position.
     pub repositioning: Repositioning,
@@ -138,6 +145,7 @@ pub struct MotionConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct PlatformConfig {
     /// Where the test stands.
     pub site: SiteConfig,

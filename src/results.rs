@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::baseline::Baseline;
 use crate::certificate::Certifier;
+use crate::config::StudyConfig;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
@@ -32,7 +33,6 @@ use crate::observability::{Observability, Unobservable};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{FrontPoint, SearchOutcome};
-use crate::config::StudyConfig;
 use crate::suspicion;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
@@ -81,6 +81,7 @@ fn warnings(inputs: &Inputs, schedule: Option<&Schedule>) -> Vec<WarningRecord> 
 /// All that is known of a schedule before the test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct EvaluationDocument {
     /// [`EVALUATION_SCHEMA`].
     pub schema: String,
@@ -124,6 +125,7 @@ pub struct EvaluationDocument {
 /// The score: value = covariance_part + separability_part, lower is better.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ScoreRecord {
     /// The figure of merit; null when it is infinite.
     pub value: Option<f64>,
@@ -151,6 +153,7 @@ pub struct ScoreRecord {
 /// What the parts of the score weigh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ScoreWeights {
     /// Of ln(criterion).
     pub covariance: f64,
@@ -163,6 +166,7 @@ pub struct ScoreWeights {
 /// Accuracy of one misalignment angle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct MisalignmentRecord {
     /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
     pub name: String,
@@ -173,6 +177,7 @@ pub struct MisalignmentRecord {
 /// What the test tells about one drift coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CoefficientRecord {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -197,6 +202,7 @@ pub struct CoefficientRecord {
 /// What a schedule makes observable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ObservabilityRecord {
     /// Rank of the rows of all channels.
     pub rank: usize,
@@ -211,6 +217,7 @@ pub struct ObservabilityRecord {
 /// σ against time, and what each position contributed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ConvergenceRecord {
     /// Times since the start of the test, s.
     pub times_s: Vec<f64>,
@@ -223,6 +230,7 @@ pub struct ConvergenceRecord {
 /// What one position, its move and settle included, did for the accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PositionConvergenceRecord {
     /// Number of the position in the schedule, from 1; positions that take no time are left out.
     pub position: usize,
@@ -241,6 +249,7 @@ pub struct PositionConvergenceRecord {
 /// What a search found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ResultDocument {
     /// [`RESULT_SCHEMA`].
     pub schema: String,
@@ -287,6 +296,7 @@ pub struct ResultDocument {
 /// One point of the front of total time against criterion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ParetoRecord {
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
@@ -316,6 +326,7 @@ impl From<&FrontPoint> for ParetoRecord {
 /// A standard scheme beside the schedule found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BaselineRecord {
     /// Name of the scheme.
     pub name: String,
@@ -335,6 +346,7 @@ pub struct BaselineRecord {
 /// A standard scheme that could not be compared.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SkippedBaseline {
     /// Name of the scheme.
     pub name: String,
@@ -410,7 +422,10 @@ impl ScoreRecord {
             separability_part: finite(score.separability_part),
             least_separability: score.least_separability,
             meets_minimum_separability: score.meets_minimum_separability,
-            known_before: objective.criterion.known_in_words(prior_sigma),
+            known_before: objective
+                .criterion
+                .known_before(prior_sigma)
+                .map(|known| known.to_string()),
             weights: ScoreWeights {
                 covariance: objective.covariance_weight,
                 separability: objective.separability_weight,
@@ -534,6 +549,16 @@ impl ResultDocument {
     /// [`Error::is_numerical`] when it cannot be written as JSON.
     pub fn to_json(&self) -> Result<String> {
         to_json(self)
+    }
+
+    /// The same without what may differ between two runs of the same input: the duration of the
+    /// search, and the number of threads, which has no part in the result.
+    #[must_use]
+    pub fn reproducible(mut self) -> Self {
+        self.wall_time_s = None;
+        self.inputs.search.threads = None;
+        self.evaluation.inputs.search.threads = None;
+        self
     }
 
     /// Attaches the certificate, and the lower bounds along the front.

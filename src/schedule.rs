@@ -89,6 +89,44 @@ impl Schedule {
         Ok(Self { positions })
     }
 
+    /// The schedule of a file: CSV or JSON, told apart by their content.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_io`] when the file cannot be read; [`Error::is_input`] with file, line or key,
+    /// value and what is allowed.
+    pub fn from_file(path: impl AsRef<std::path::Path>) -> Result<Self> {
+        file::read(path.as_ref())
+    }
+
+    /// The schedule of CSV text.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] with line, column and what is allowed.
+    pub fn from_csv(text: &str) -> Result<Self> {
+        file::from_csv(text)
+    }
+
+    /// The schedule of JSON text.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] with line, key and what is allowed.
+    pub fn from_json(text: &str) -> Result<Self> {
+        file::from_json(text)
+    }
+
+    /// The schedule as CSV text.
+    pub fn to_csv(&self) -> String {
+        file::to_csv(self)
+    }
+
+    /// The schedule as JSON text.
+    pub fn to_json(&self) -> String {
+        file::to_json(self)
+    }
+
     /// The positions in order.
     pub fn positions(&self) -> &[ScheduledPosition] {
         &self.positions

@@ -60,6 +60,7 @@ use crate::observability::Unobservable;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
 use context::{Context, Work};
+pub use journal::Journal;
 use pipeline::best_candidate;
 pub use problem::{Counters, FrontPoint, SearchOutcome, SearchProblem, Status};
 pub use progress::{Control, Phase, Progress};
@@ -115,7 +116,7 @@ pub(crate) fn nothing_to_find(
 ) -> Result<Option<SearchOutcome>> {
     let objective = evaluator.objective();
     let prior = evaluator.model().prior_sigma_deg_per_h();
-    let Some(why) = objective.criterion.known_in_words(prior) else {
+    let Some(why) = objective.criterion.known_before(prior) else {
         return Ok(None);
     };
     if objective.uses_separability() {

@@ -153,6 +153,7 @@ pub enum TruthNoise {
 /// What the filter is told of the noises, as factors of the truth's 1σ. One is the truth;
 /// anything else makes a filter that misjudges itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ToldNoise {
     /// Of the accelerometers.
     pub accelerometer_factor: f64,
@@ -178,6 +179,7 @@ impl Default for ToldNoise {
 
 /// What is simulated, and with what filter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct SimulationOptions {
     /// Equations of the true platform.
     pub truth: TruthModel,
@@ -187,6 +189,53 @@ pub struct SimulationOptions {
     pub noise: TruthNoise,
     /// What the filter is told of it.
     pub told: ToldNoise,
+}
+
+impl SimulationOptions {
+    /// With this model of the truth.
+    #[must_use]
+    pub const fn with_truth(mut self, truth: TruthModel) -> Self {
+        self.truth = truth;
+        self
+    }
+
+    /// With this filter.
+    #[must_use]
+    pub const fn with_filter(mut self, filter: FilterModel) -> Self {
+        self.filter = filter;
+        self
+    }
+
+    /// With or without noise in the truth.
+    #[must_use]
+    pub const fn with_noise(mut self, noise: TruthNoise) -> Self {
+        self.noise = noise;
+        self
+    }
+
+    /// With a filter that is told this of the noise.
+    #[must_use]
+    pub const fn with_told(mut self, told: ToldNoise) -> Self {
+        self.told = told;
+        self
+    }
+
+    /// Checks what the filter is told.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for a factor outside 1e-6 to 1e6.
+    pub fn check(&self) -> Result<()> {
+        for (key, factor) in [
+            ("told.accelerometer_factor", self.told.accelerometer_factor),
+            ("told.random_drift_factor", self.told.random_drift_factor),
+        ] {
+            if !(1e-6..=1e6).contains(&factor) {
+                return Err(Error::out_of_range(key, factor, "1e-6 to 1e6"));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The true values a run starts from.
@@ -253,17 +302,7 @@ impl Simulation {
         timeline: &Timeline,
         options: SimulationOptions,
     ) -> Result<Self> {
-        for (key, factor) in [
-            (
-                "told.accelerometer_factor",
-                options.told.accelerometer_factor,
-            ),
-            ("told.random_drift_factor", options.told.random_drift_factor),
-        ] {
-            if !(1e-6..=1e6).contains(&factor) {
-                return Err(Error::out_of_range(key, factor, "1e-6 to 1e6"));
-            }
-        }
+        options.check()?;
         let program = Program::new(platform, timeline)?;
         let belief = Belief::new(platform, &options.told);
         let gains = Gains::new(&program, &belief, &mut |_| {});

@@ -11,7 +11,7 @@
 //!
 //! ```
 //! use scheme_opt::internals::config::StudyConfig;
-//! use scheme_opt::suspicion::{self, Suspicion};
+//! use scheme_opt::internals::suspicion::{self, Suspicion};
 //! let mut config = StudyConfig::default();
 //! assert!(suspicion::of(&config, &[], None).is_empty());
 //! config.platform.site.latitude_deg = 0.4922;
@@ -28,9 +28,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::StudyConfig;
 use crate::report::numbers::number;
 use crate::schedule::Schedule;
-use crate::config::StudyConfig;
 
 /// A unit of time that seconds are mistaken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

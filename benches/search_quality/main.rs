@@ -20,7 +20,6 @@
 mod competitors;
 mod problems;
 
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use competitors::Competitor;

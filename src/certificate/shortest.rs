@@ -5,6 +5,8 @@
 //! σ/specification exceeds 1, no schedule up to that duration meets the specification.
 
 use super::Certifier;
+use std::fmt;
+
 use crate::criterion::Criterion;
 use crate::drift::CoefficientVector;
 use crate::error::Result;
@@ -23,6 +25,25 @@ pub enum MinimumTime {
     /// No lower bound was found on the duration: what the bound says of the shortest test
     /// already is within the specification.
     Unknown,
+}
+
+impl fmt::Display for MinimumTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => f.write_str("the prior already meets the specification"),
+            Self::MoreThan(s) => {
+                write!(f, "no schedule of {s:.1} s or less meets the specification")
+            }
+            Self::NotWithin(s) => write!(
+                f,
+                "no schedule meets the specification, not even one of {s:e} s, the longest that \
+                 is handled"
+            ),
+            Self::Unknown => f.write_str(
+                "no useful bound on the time: the bound does not exclude even the shortest test",
+            ),
+        }
+    }
 }
 
 /// How closely the two ends of the bracket have to come, relatively.

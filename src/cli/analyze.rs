@@ -3,8 +3,6 @@
 mod text;
 
 use crate::error::Result;
-use crate::observability::analysis::Analysis;
-use crate::results::AnalysisDocument;
 
 use super::Exit;
 use super::args::AnalyzeArgs;
@@ -14,19 +12,14 @@ use super::output::Output;
 /// Runs the command.
 pub(super) fn run(args: &AnalyzeArgs, output: Output) -> Result<Exit> {
     let GivenSchedule {
-        study,
-        inputs,
-        schedule,
-        ..
+        study, schedule, ..
     } = inputs::given_schedule(&args.given, &args.common)?;
-    let evaluator = study.evaluator();
-    let evaluation = evaluator.evaluate(&schedule)?;
-    let analysis = Analysis::new(&evaluator, &schedule, &evaluation)?;
-    let document = AnalysisDocument::new(&analysis, &evaluation, &schedule, &inputs);
+    let analysed = study.analyze(&schedule)?;
+    let document = analysed.document();
     let text = if args.common.json {
         document.to_json()?
     } else {
-        text::analysis(&document)
+        text::analysis(document)
     };
     output.data(&text)?;
     Ok(Exit::Done)

@@ -6,9 +6,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::commands::CommandTable;
+use crate::config::{CriterionKind, Mode};
 use crate::results::schema::DocumentKind;
 use crate::simulate::{FilterModel, TruthModel};
-use crate::config::{CriterionKind, Mode};
 
 const ABOUT: &str =
     "Finds the torquing scheme that calibrates an inertially stabilised platform's gyros best";

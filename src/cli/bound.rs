@@ -1,10 +1,9 @@
 //! `bound`: what no schedule can beat, without searching for one.
 
-use crate::certificate::{Certifier, MinimumTime};
+use crate::config::Mode;
 use crate::error::Result;
 use crate::report::numbers;
 use crate::results::BoundDocument;
-use crate::config::Mode;
 
 use super::Exit;
 use super::args::BoundArgs;
@@ -15,31 +14,17 @@ use super::table;
 
 /// Runs the command.
 pub(super) fn run(args: &BoundArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
-    let evaluator = study.evaluator();
-    let objective = evaluator.objective();
-    let total_time_s = study.objective().total_time_s;
-    let (bound, minimum) = inputs::thread_pool(&study)?.install(|| {
-        let certifier = Certifier::new(study.platform());
-        let bound = certifier.bound(&objective.criterion, total_time_s)?;
-        let spec = objective.spec_deg_per_h.as_ref();
-        let minimum = spec.map(|spec| certifier.minimum_time(spec, total_time_s));
-        Ok::<_, crate::Error>((bound, minimum.transpose()?))
-    })?;
-    let document = BoundDocument::new(&bound, minimum, objective, &inputs);
+    let study = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let bound = study.bound()?;
+    let document = bound.document();
     let text = if args.common.json {
         document.to_json()?
     } else {
-        report(&document)
+        report(document)
     };
     output.data(&text)?;
-    let hopeless = match minimum {
-        Some(MinimumTime::MoreThan(s)) => s >= total_time_s,
-        Some(MinimumTime::NotWithin(_)) => true,
-        _ => false,
-    };
-    Ok(match study.objective().mode {
-        Mode::Time if hopeless => Exit::NoSchedule,
+    Ok(match study.config().objective.mode {
+        Mode::Time if bound.specification_is_hopeless() => Exit::NoSchedule,
         _ => Exit::Done,
     })
 }

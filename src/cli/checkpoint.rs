@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::results::TOOL_VERSION;
 use crate::schedule::text;
 use crate::search::checkpoint::{Finished, Journal};
-use crate::config::Study;
+use crate::study::Study;
 
 use super::files::write_file;
 use super::output::Output;
@@ -42,7 +42,7 @@ struct Document {
 pub(super) struct Checkpoint {
     path: PathBuf,
     inputs: Value,
-    journal: Journal,
+    journal: Arc<Journal>,
     /// Whether the file is this run's: read or written by it.
     own: Mutex<bool>,
 }
@@ -59,13 +59,13 @@ impl Checkpoint {
         let mut checkpoint = Self {
             path: directory.join(FILE),
             inputs: problem(study)?,
-            journal: Journal::default(),
+            journal: Arc::default(),
             own: Mutex::new(false),
         };
         let exists = checkpoint.path.exists();
         match (exists, resume) {
             (true, true) => {
-                checkpoint.journal = checkpoint.read()?;
+                checkpoint.journal = Arc::new(checkpoint.read()?);
                 checkpoint.own = Mutex::new(true);
                 let count = checkpoint.journal.len();
                 output.message(&format!(
@@ -85,8 +85,8 @@ impl Checkpoint {
     }
 
     /// What is done.
-    pub(super) fn journal(&self) -> &Journal {
-        &self.journal
+    pub(super) fn journal(&self) -> Arc<Journal> {
+        Arc::clone(&self.journal)
     }
 
     fn read(&self) -> Result<Journal> {

@@ -1,6 +1,5 @@
 //! `commands`: what the stand is told to do, as CSV.
 
-use crate::commands::CommandTable;
 use crate::error::{Error, Result};
 use crate::suspicion;
 
@@ -13,11 +12,11 @@ use super::output::Output;
 /// Runs the command.
 pub(super) fn run(args: &CommandsArgs, output: Output) -> Result<Exit> {
     let given = inputs::given_schedule(&args.given, &args.common)?;
-    let table = CommandTable::new(given.study.platform(), &given.timeline, args.step_deg)
-        .map_err(name_option)?;
+    let table = given.study.commands(&given.schedule, args.step_deg);
+    let table = table.map_err(name_option)?;
     let text = match args.common.json {
         true => {
-            let (config, defaulted) = (&given.inputs.config, &given.inputs.defaulted);
+            let (config, defaulted) = (given.study.config(), given.study.defaulted());
             let warnings = suspicion::of(config, defaulted, Some(&given.schedule));
             let mut document = table.document();
             document.warnings = warnings.iter().map(Into::into).collect();

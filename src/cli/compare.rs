@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use crate::compare::{Contender, Order, Proof, Source, Terms, compare};
+use crate::compare::{Order, Proof};
 use crate::error::Result;
-use crate::report::{html, numbers};
+use crate::report::numbers;
 use crate::results::{ComparedRecord, ComparisonDocument};
-use crate::schedule::file;
+use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
+use crate::study::{ComparisonOptions, Contender};
 
 use super::Exit;
 use super::args::CompareArgs;
@@ -15,38 +16,26 @@ use super::output::Output;
 use super::table::{self, Align};
 use super::{inputs, page, report};
 
-/// What a built-in scheme is called on the command line, before its name.
-const PREFIX: &str = "standard:";
-
 /// Runs the command.
 pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
-    let (study, inputs) = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let study = inputs::load(args.platform.as_deref(), &args.common, None)?;
     let contenders = contenders(args)?;
-    let evaluator = study.evaluator();
-    let terms = Terms {
-        total_time_s: study.objective().total_time_s,
+    for (name, schedule) in contenders.iter().filter_map(Contender::given) {
+        inputs::warn_of_schedule(Path::new(name), schedule, &study, output);
+    }
+    let options = ComparisonOptions {
         scale: !args.as_given,
         best_order: args.best_order,
-        seed: study.search().seed,
-        most_steps: args.order_steps,
+        order_steps: args.order_steps,
     };
-    let pool = inputs::thread_pool(&study)?;
-    let compared = pool.install(|| compare(&evaluator, &contenders, &terms));
-    let mut document = ComparisonDocument::new(&compared, &terms, evaluator.objective(), &inputs);
-    for contender in &contenders {
-        if let Source::Given(schedule) = &contender.source {
-            inputs::warn_of_schedule(Path::new(&contender.name), schedule, &study, output);
-            document.warn_of(&contender.name, schedule);
-        }
-    }
+    let compared = study.compare(&contenders, &options)?;
+    let document = compared.document();
     let text = match args.common.json {
         true => document.to_json()?,
-        false => text(&document),
+        false => text(document),
     };
     if !document.schedules.is_empty() {
-        page::write(args.report.as_deref(), output, || {
-            html::comparison(&document)
-        })?;
+        page::write(args.report.as_deref(), output, || compared.report_html())?;
     }
     output.data(&text)?;
     Ok(match document.schedules.is_empty() {
@@ -56,22 +45,15 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
 }
 
 fn contenders(args: &CompareArgs) -> Result<Vec<Contender>> {
-    let standard = |scheme: StandardScheme| Contender {
-        name: format!("{PREFIX}{}", scheme.name()),
-        source: Source::Standard(scheme),
-    };
     let mut all = Vec::new();
     for name in &args.schedules {
-        all.push(match name.strip_prefix(PREFIX) {
-            Some(scheme) => standard(StandardScheme::from_name(scheme)?),
-            None => Contender {
-                name: name.clone(),
-                source: Source::Given(file::read(Path::new(name))?),
-            },
+        all.push(match Contender::from_name(name)? {
+            Some(scheme) => scheme,
+            None => Contender::schedule(name, Schedule::from_file(name)?),
         });
     }
     if args.standard {
-        for contender in StandardScheme::ALL.map(standard) {
+        for contender in StandardScheme::ALL.map(Contender::standard) {
             if !all.contains(&contender) {
                 all.push(contender);
             }
@@ -148,7 +130,7 @@ fn orders(document: &ComparisonDocument) -> String {
 /// Name and order, short enough for a table: files without their directory.
 fn label(name: &str, order: &str) -> String {
     let file = || Path::new(name).file_name().and_then(|f| f.to_str());
-    let short = name.strip_prefix(PREFIX).or_else(file).unwrap_or(name);
+    let short = Contender::standard_name(name).or_else(file).unwrap_or(name);
     match Order::from_name(order) {
         Some(Order::Best) => format!("{short} *"),
         Some(Order::BestFound) => format!("{short} +"),

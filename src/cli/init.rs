@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
 use crate::config::DEFAULT_TOML;
+use crate::error::{Error, Result};
 
 use super::Exit;
 use super::args::InitArgs;

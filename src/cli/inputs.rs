@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use crate::config::{CheckedConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
-use crate::results::Inputs;
 use crate::schedule::{Schedule, file};
-use crate::config::{Study, StudySource};
+use crate::study::Study;
 use crate::suspicion::{self, Warning};
 
 use super::args::{Common, Given};
@@ -38,26 +38,23 @@ pub(super) fn load(
     platform: Option<&Path>,
     common: &Common,
     starts: Option<usize>,
-) -> Result<(Study, Inputs)> {
+) -> Result<Study> {
     load_and(StudySource::check, platform, common, starts)
 }
 
 /// The same for a command that is given its schedule: what limits a search may be at odds.
-pub(super) fn load_for_evaluation(
-    platform: Option<&Path>,
-    common: &Common,
-) -> Result<(Study, Inputs)> {
+pub(super) fn load_for_evaluation(platform: Option<&Path>, common: &Common) -> Result<Study> {
     load_and(StudySource::check_for_evaluation, platform, common, None)
 }
 
-type Check = fn(&StudySource) -> Result<Study>;
+type Check = fn(&StudySource) -> Result<CheckedConfig>;
 
 fn load_and(
     check: Check,
     platform: Option<&Path>,
     common: &Common,
     starts: Option<usize>,
-) -> Result<(Study, Inputs)> {
+) -> Result<Study> {
     let mut source = source(platform)?;
     let (objective, search) = (&mut source.config.objective, &mut source.config.search);
     let overrides = [
@@ -106,20 +103,18 @@ fn load_and(
 /// A schedule that somebody gave, on the platform it is for.
 pub(super) struct GivenSchedule {
     pub study: Study,
-    pub inputs: Inputs,
     pub schedule: Schedule,
     pub timeline: Timeline,
 }
 
 /// Reads platform and schedule, and puts the one on the other.
 pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSchedule> {
-    let (study, inputs) = load_for_evaluation(given.platform.as_deref(), common)?;
+    let study = load_for_evaluation(given.platform.as_deref(), common)?;
     let (schedule, timeline) = on_platform(&given.schedule, &study)?;
     let output = Output::new(common.messages.quiet);
     warn_of_schedule(&given.schedule, &schedule, &study, output);
     Ok(GivenSchedule {
         study,
-        inputs,
         schedule,
         timeline,
     })
@@ -168,21 +163,7 @@ pub(super) fn load_with_total_time(
         "objective.total_time_s",
         "--total-time-s",
     );
-    checked(source, &[total_time], StudySource::check, output).map(|(study, _)| study)
-}
-
-/// The threads that the study asks for.
-pub(super) fn thread_pool(study: &Study) -> Result<rayon::ThreadPool> {
-    let threads = study.search().threads.unwrap_or(0);
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| {
-            Error::input(format!("cannot start the threads: {e}"))
-                .with_key("search.threads")
-                .with_value(threads)
-                .with_source(e)
-        })
+    checked(source, &[total_time], StudySource::check, output)
 }
 
 fn source(platform: Option<&Path>) -> Result<StudySource> {
@@ -197,22 +178,18 @@ fn checked(
     overrides: &[Override],
     check: Check,
     output: Output,
-) -> Result<(Study, Inputs)> {
+) -> Result<Study> {
     for o in overrides.iter().filter(|o| o.given) {
         source.override_key(o.key);
     }
-    let study = check(&source).map_err(|e| name_option(e, overrides))?;
-    let inputs = Inputs {
-        config: study.config().clone(),
-        defaulted: source.defaulted().to_vec(),
-    };
-    let warnings = suspicion::of(&inputs.config, &inputs.defaulted, None);
+    let checked = check(&source).map_err(|e| name_option(e, overrides))?;
+    let warnings = suspicion::of(checked.config(), source.defaulted(), None);
     let (of_options, of_file): (Vec<Warning>, Vec<Warning>) = warnings
         .into_iter()
         .partition(|w| overrides.iter().any(|o| o.given && o.key == w.key));
     warn(&of_file, source.file(), output);
     warn(&of_options, None, output);
-    Ok((study, inputs))
+    Study::from_source(source)
 }
 
 /// Says which option a refused number came from.

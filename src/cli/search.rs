@@ -1,24 +1,17 @@
 //! `search`: finds and writes the recommended schedule.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use indicatif::ProgressBar;
 
-use crate::baseline::baselines;
-use crate::certificate::Certifier;
 use crate::commands::CommandTable;
 use crate::error::{Error, Result};
-use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
-use crate::report::html;
-use crate::results::{CertificateRecord, Inputs, ResultDocument};
-use crate::schedule::file::{to_csv, to_json};
-use crate::search::front::front;
-use crate::search::shortest::shortest;
-use crate::search::{Control, SearchOutcome, Status, search};
-use crate::config::{Mode, Study};
+use crate::search::{Control, Status};
+use crate::study::{SearchResult, Study};
 
 use super::Exit;
 use super::args::SearchArgs;
@@ -39,117 +32,112 @@ const FILES: [&str; 5] = [
 
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
-    let started = Instant::now();
-    let platform = args.platform.as_deref();
-    let (study, inputs) = inputs::load(platform, &args.common, args.starts)?;
-    let in_file = |e| name_file(e, args);
-    let evaluator = study.evaluator();
+    let study = inputs::load(args.platform.as_deref(), &args.common, args.starts)?;
     let files = OutputFiles::prepare(&args.output, &FILES)?;
     let interval = checkpoint_interval(args)?;
     let checkpoint = Checkpoint::open(&args.output, &study, args.resume, output)?;
     let (stop_saving, stopped) = mpsc::channel();
-    let outcome = std::thread::scope(|scope| {
+    let found = std::thread::scope(|scope| {
         let saver = &checkpoint;
         scope.spawn(move || saver.keep_saving(interval, &stopped, output));
-        let outcome = run_search(&study, &evaluator, &checkpoint, files.litter(), output);
+        let found = watched(&study, &checkpoint, files.litter(), output);
         drop(stop_saving);
-        outcome
-    })
-    .map_err(in_file)?;
-    let unfinished = matches!(outcome.status, Status::Interrupted | Status::TimeLimit);
+        found
+    })?;
+    let found = match args.reproducible {
+        true => found.reproducible(),
+        false => found,
+    };
+    let unfinished = matches!(found.status(), Status::Interrupted | Status::TimeLimit);
     if unfinished && let Err(e) = checkpoint.save() {
         output.message(&format!("note: no checkpoint is kept: {e}"));
     }
-    let wall_time_s = (!args.reproducible).then(|| started.elapsed().as_secs_f64());
-    let document = document(&study, &evaluator, &outcome, wall_time_s, inputs);
-    let document =
-        inputs::thread_pool(&study)?.install(|| certified(document, &study, &evaluator, &outcome));
-    let json = document.to_json()?;
-    let timeline = Timeline::new(study.platform(), &outcome.schedule)?;
-    let step_deg = CommandTable::DEFAULT_STEP_DEG;
-    let contents = [
-        to_json(&outcome.schedule),
-        to_csv(&outcome.schedule),
-        CommandTable::new(study.platform(), &timeline, step_deg).map_or_else(
-            |why| format!("# no command table: {why}\n"),
-            |table| table.to_csv(),
-        ),
-        json.clone(),
-        page::made(html::result(&document), output)?,
-    ];
     // The result of a long search is shown even where it cannot be written.
-    let committed = files.commit(&contents);
-    let paths = committed.as_deref().unwrap_or_default();
-    let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
-    if args.common.json {
-        if !written.is_empty() {
-            output.message(&format!("written: {}", written.join(", ")));
-        }
-        output.data(&json)?;
-    } else {
-        let text = report::search(&document, study.platform(), &timeline, &written);
-        output.data(&text)?;
-    }
+    let committed = files.commit(&contents(&study, &found, output)?);
+    show(
+        args,
+        &study,
+        &found,
+        committed.as_deref().unwrap_or_default(),
+        output,
+    )?;
     committed?;
     if !unfinished {
         checkpoint.discard();
     }
-    Ok(match outcome.status {
-        Status::Converged | Status::TimeLimit if outcome.unobservable.is_acceptable() => Exit::Done,
+    Ok(match found.status() {
+        Status::Converged | Status::TimeLimit if found.is_acceptable() => Exit::Done,
         Status::Converged | Status::TimeLimit => Exit::NoSchedule,
         Status::Infeasible => Exit::NoSchedule,
         Status::Interrupted => Exit::Interrupted,
     })
 }
 
-/// Says which file a refused value is in, unless an option replaced it.
-fn name_file(error: Error, args: &SearchArgs) -> Error {
-    let overridden = error.key() == Some("objective.mode") && args.common.mode.is_some();
-    match &args.platform {
-        Some(path) if error.is_input() && error.key().is_some() && !overridden => {
-            error.with_file(path)
-        }
-        _ => error,
-    }
+/// The files' contents, in the order of [`FILES`].
+fn contents(study: &Study, found: &SearchResult, output: Output) -> Result<[String; 5]> {
+    let schedule = found.schedule();
+    let commands = study.commands(schedule, CommandTable::DEFAULT_STEP_DEG);
+    Ok([
+        schedule.to_json(),
+        schedule.to_csv(),
+        commands.map_or_else(
+            |why| format!("# no command table: {why}\n"),
+            |table| table.to_csv(),
+        ),
+        found.document().to_json()?,
+        page::made(found.report_html(), output)?,
+    ])
 }
 
-/// The search on its own threads, watched and stoppable.
-fn run_search(
+/// The result for people, or its document.
+fn show(
+    args: &SearchArgs,
     study: &Study,
-    evaluator: &Evaluator,
+    found: &SearchResult,
+    written: &[PathBuf],
+    output: Output,
+) -> Result<()> {
+    let written: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+    if args.common.json {
+        if !written.is_empty() {
+            output.message(&format!("written: {}", written.join(", ")));
+        }
+        return output.data(&found.document().to_json()?);
+    }
+    let timeline = Timeline::new(study.platform(), found.schedule())?;
+    let document = found.document();
+    output.data(&report::search(
+        document,
+        study.platform(),
+        &timeline,
+        &written,
+    ))
+}
+
+/// The search, watched and stoppable.
+fn watched(
+    study: &Study,
     checkpoint: &Checkpoint,
     litter: Litter,
     output: Output,
-) -> Result<SearchOutcome> {
-    let pool = inputs::thread_pool(study)?;
+) -> Result<SearchResult> {
     let cancel = Arc::new(AtomicBool::new(false));
-    let display = ProgressDisplay::new(output);
+    let display = Arc::new(ProgressDisplay::new(output));
     cancel_on_signal(Arc::clone(&cancel), display.bar(), litter, output);
-    let report = |p: &_| display.report(p);
-    let deadline = study.search().time_limit_s.and_then(deadline_after);
-    let control = Control::new(&cancel, &report)
-        .with_deadline(deadline)
+    let shown = Arc::clone(&display);
+    let control = Control::default()
+        .with_cancel(cancel)
+        .with_progress(move |p| shown.report(p))
         .with_journal(checkpoint.journal());
-    let problem = study.search_problem();
-    let outcome = pool.install(|| match study.objective().mode {
-        Mode::Accuracy => search(evaluator, &problem, &control),
-        Mode::Time => shortest(evaluator, &problem, &control),
-        Mode::Pareto => front(evaluator, &problem, study.search().front_points, &control),
-    });
+    let found = study.search(&control);
     display.finish();
-    outcome
+    found
 }
 
 fn checkpoint_interval(args: &SearchArgs) -> Result<Duration> {
     let seconds = args.checkpoint_interval_s;
     Duration::try_from_secs_f64(seconds)
         .map_err(|_| Error::out_of_range("--checkpoint-interval-s", seconds, "0 or more seconds"))
-}
-
-/// The moment that lies so far ahead; none: beyond what the clock can hold.
-fn deadline_after(limit_s: f64) -> Option<Instant> {
-    let limit = Duration::try_from_secs_f64(limit_s).ok()?;
-    Instant::now().checked_add(limit)
 }
 
 /// The first signal asks the search for its best so far, the second ends the process.
@@ -168,49 +156,4 @@ fn cancel_on_signal(cancel: Arc<AtomicBool>, bar: ProgressBar, litter: Litter, o
     if let Err(e) = installed {
         output.message(&format!("note: an interruption will lose the search: {e}"));
     }
-}
-
-/// The document with the certificate: how far the schedule is from the best possible.
-fn certified(
-    document: ResultDocument,
-    study: &Study,
-    evaluator: &Evaluator,
-    outcome: &SearchOutcome,
-) -> ResultDocument {
-    let certifier = Certifier::new(study.platform());
-    let certificate = CertificateRecord::new(
-        &certifier,
-        study.objective().mode,
-        evaluator.objective(),
-        study.objective().total_time_s,
-        outcome,
-    );
-    document.with_certificate(certificate, &certifier, evaluator.objective())
-}
-
-fn document(
-    study: &Study,
-    evaluator: &Evaluator,
-    outcome: &SearchOutcome,
-    wall_time_s: Option<f64>,
-    mut inputs: Inputs,
-) -> ResultDocument {
-    if wall_time_s.is_none() {
-        // Reproducible: the number of threads has no part in the result.
-        inputs.config.search.threads = None;
-    }
-    // The shortest test may end before the time allowed; the schemes get no more than it.
-    let total_time_s = match study.objective().mode {
-        Mode::Time => outcome.evaluation.total_time_s,
-        Mode::Accuracy | Mode::Pareto => study.objective().total_time_s,
-    };
-    let baselines = baselines(evaluator, total_time_s);
-    ResultDocument::new(
-        outcome,
-        &baselines,
-        evaluator.objective(),
-        study.search().seed,
-        wall_time_s,
-        &inputs,
-    )
 }

@@ -2,7 +2,6 @@
 
 use crate::error::Result;
 use crate::results::SchemeListDocument;
-use crate::schedule::file::{to_csv, to_json};
 use crate::schedule::standard::StandardScheme;
 
 use super::Exit;
@@ -24,10 +23,10 @@ pub(super) fn run(args: &StandardArgs, output: Output) -> Result<Exit> {
 fn write(name: &str, args: &StandardArgs, output: Output) -> Result<()> {
     let scheme = StandardScheme::from_name(name)?;
     let study = inputs::load_with_total_time(args.platform.as_deref(), args.total_time_s, output)?;
-    let schedule = scheme.schedule(study.objective().total_time_s, study.platform())?;
+    let schedule = study.standard(scheme)?;
     let text = match format(args) {
-        Format::Json => to_json(&schedule),
-        Format::Csv => to_csv(&schedule),
+        Format::Json => schedule.to_json(),
+        Format::Csv => schedule.to_csv(),
     };
     let Some(path) = &args.output else {
         return output.data(&text);

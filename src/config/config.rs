@@ -102,6 +102,7 @@ fn by_name<T: Copy>(key: &str, name: &str, named: &[(&'static str, T)]) -> Resul
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct ObjectiveConfig {
     /// What a search is to find.
     pub mode: Mode,
@@ -145,6 +146,7 @@ impl Default for ObjectiveConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct ScoreConfig {
     /// Weight of the covariance criterion, 0 to 1e6.
     pub covariance_weight: f64,
@@ -186,6 +188,7 @@ impl ScoreConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
+#[non_exhaustive]
 pub struct SearchConfig {
     /// Most positions of a schedule, 1 to 500.
     pub max_positions: usize,

@@ -86,6 +86,23 @@ impl StudySource {
         }
     }
 
+    /// The source of values that a program has put together. What differs from the default has been
+    /// given; nobody can tell of the rest.
+    pub fn of_config(config: StudyConfig) -> Self {
+        // A configuration that JSON cannot hold has a number that is not finite: its check refuses it.
+        let json = |config: &StudyConfig| serde_json::to_value(config).unwrap_or_default();
+        let [given, default] = [&config, &StudyConfig::default()].map(json);
+        let pointer = |key: &str| format!("/{}", key.replace('.', "/"));
+        let differs = |key: &str| given.pointer(&pointer(key)) != default.pointer(&pointer(key));
+        Self {
+            file: None,
+            lines: BTreeMap::new(),
+            defaulted: defaulted(differs),
+            overridden: Vec::new(),
+            config,
+        }
+    }
+
     /// The file it was read from, if any.
     pub fn file(&self) -> Option<&Path> {
         self.file.as_deref()
@@ -128,7 +145,7 @@ impl StudySource {
     }
 
     /// Adds where the value that `error` is about was given.
-    fn located(&self, error: Error) -> Error {
+    pub(crate) fn located(&self, error: Error) -> Error {
         let (Some(key), Some(file)) = (error.key(), &self.file) else {
             return match error.key().and_then(|key| self.line(key)) {
                 Some(line) => error.with_line(line),

@@ -1,7 +1,7 @@
 use super::*;
+use crate::config::{CriterionKind, Mode};
 use crate::drift::DriftCoefficient;
 use crate::platform::{AxisValue, GSensitivePrior, Repositioning};
-use crate::config::{CriterionKind, Mode};
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<StudySource> {

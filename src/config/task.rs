@@ -1,6 +1,6 @@
 //! From a checked study to what the evaluator and the search take.
 
-use super::{CriterionKind, Mode, CheckedConfig};
+use super::{CheckedConfig, CriterionKind, Mode};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Evaluator, Objective};

@@ -423,7 +423,10 @@ mod tests {
         let rows = kernel.r22 * a;
         let information = rows.transpose() * rows;
         let prior = crate::drift::CoefficientVector::repeat(1.0);
-        assert_eq!(crate::covariance::Rooted::of_information(&information, &prior), None);
+        assert_eq!(
+            crate::covariance::Rooted::of_information(&information, &prior),
+            None
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
+use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::Evaluation;
@@ -17,7 +18,6 @@ use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
 use crate::schedule::file::{PositionRecord, ScheduleDocument};
-use crate::config::StudyConfig;
 
 /// Name and major version of the [`AnalysisDocument`].
 pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";
@@ -26,6 +26,7 @@ pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";
 /// null for what is not observable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct AnalysisDocument {
     /// [`ANALYSIS_SCHEMA`].
     pub schema: String,
@@ -74,6 +75,7 @@ pub struct AnalysisDocument {
 /// Order of a state, or of a combination of states.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct StateRecord {
     /// `psi_nx` … `eps_nz - omega_N psi_ny`.
     pub name: String,
@@ -86,6 +88,7 @@ pub struct StateRecord {
 /// Order, separability and reconstruction of a coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct AnalysedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -116,6 +119,7 @@ pub struct AnalysedCoefficient {
 /// A coefficient as a weighted sum of what the channels tell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ReconstructionRecord {
     /// Channels that occur: x is eps_nx, z is eps_nz − ω_N psi_ny, y is eps_ny.
     pub channels: Vec<Channel>,
@@ -136,6 +140,7 @@ pub struct ReconstructionRecord {
 /// One term of a reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct TermRecord {
     /// Number of the position, from 1.
     pub position: usize,
@@ -151,6 +156,7 @@ pub struct TermRecord {
 /// What one position shows by itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct AnalysedPosition {
     /// Outer angle α, degrees.
     pub alpha_deg: f64,
@@ -169,6 +175,7 @@ pub struct AnalysedPosition {
 /// What a channel shows at a position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SeenRecord {
     /// The channel.
     pub channel: Channel,
@@ -183,6 +190,7 @@ pub struct SeenRecord {
 /// Ranks, condition, what cannot be told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct AnalysedObservability {
     /// Rank of the rows of all channels.
     pub rank: usize,
@@ -204,6 +212,7 @@ pub struct AnalysedObservability {
 /// can make up all of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct NearlyRecord {
     /// What is told: a coefficient, or a combination of coefficients.
     pub name: String,
@@ -222,6 +231,7 @@ pub struct NearlyRecord {
 /// The strongest correlations between coefficients, by size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Correlations {
     /// Between the estimates, by the filter's P_D.
     pub estimates: Vec<CorrelationRecord>,
@@ -232,6 +242,7 @@ pub struct Correlations {
 /// A correlation of two coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CorrelationRecord {
     /// One coefficient.
     pub a: DriftCoefficient,
@@ -244,6 +255,7 @@ pub struct CorrelationRecord {
 /// A combination, how well it is known, and through what.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct WeakRecord {
     /// Its name, small parts left out.
     pub name: String,
@@ -262,6 +274,7 @@ pub struct WeakRecord {
 /// Piecewise-constant (Lie-derivative) observability matrix in rad and s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PiecewiseConstantRecord {
     /// Its units.
     pub units: String,
@@ -276,6 +289,7 @@ pub struct PiecewiseConstantRecord {
 /// The position to add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SuggestionRecord {
     /// What it is to separate, by name.
     pub target: Vec<String>,
@@ -296,6 +310,7 @@ pub struct SuggestionRecord {
 /// How a schedule stands.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct StandingRecord {
     /// Duration of the test, s.
     pub total_time_s: f64,

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, TOOL_VERSION, WarningRecord, criterion_unit, finite, to_json, warnings};
-use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime};
+use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime, Remark};
+use crate::config::{Mode, StudyConfig};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
-use crate::config::{Mode, StudyConfig};
 
 /// Name and major version of the [`BoundDocument`].
 pub const BOUND_SCHEMA: &str = "scheme-opt/bound/1";
@@ -19,6 +19,7 @@ pub const BOUND_SCHEMA: &str = "scheme-opt/bound/1";
 /// What no schedule can beat.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BoundDocument {
     /// [`BOUND_SCHEMA`].
     pub schema: String,
@@ -67,6 +68,7 @@ pub struct BoundDocument {
 /// One number for each channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct DeltaRecord {
     /// North.
     pub x: f64,
@@ -99,7 +101,7 @@ impl BoundDocument {
                 .map(|c| (c, sigma[c.index()]))
                 .collect(),
             minimum_time_s: minimum_time.and_then(seconds),
-            minimum_time: minimum_time.map(in_words),
+            minimum_time: minimum_time.map(|time| time.to_string()),
             equivalence_gap: bound.criterion.equivalence_gap,
             majorant: majorant.map(|m| m.kind.name().to_owned()),
             delta: majorant.map(|m| DeltaRecord {
@@ -108,7 +110,7 @@ impl BoundDocument {
                 z: m.delta[2],
             }),
             trace_information_h2_per_deg2: majorant.and_then(|m| m.trace_information),
-            remarks: bound.remarks.clone(),
+            remarks: in_words(&bound.remarks),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, None),
@@ -134,26 +136,14 @@ const fn seconds(time: MinimumTime) -> Option<f64> {
     }
 }
 
-fn in_words(time: MinimumTime) -> String {
-    match time {
-        MinimumTime::Nothing => "the prior already meets the specification".to_owned(),
-        MinimumTime::MoreThan(s) => {
-            format!("no schedule of {s:.1} s or less meets the specification")
-        }
-        MinimumTime::NotWithin(s) => format!(
-            "no schedule meets the specification, not even one of {s:e} s, the longest that is \
-             handled"
-        ),
-        MinimumTime::Unknown => {
-            "no useful bound on the time: the bound does not exclude even the shortest test"
-                .to_owned()
-        }
-    }
+fn in_words(remarks: &[Remark]) -> Vec<String> {
+    remarks.iter().map(Remark::to_string).collect()
 }
 
 /// How far the schedule found is from the best possible.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CertificateRecord {
     /// `a`, `d`, `e`, `max-ratio`; in mode `time`, `total-time`.
     pub criterion: String,
@@ -209,7 +199,7 @@ impl CertificateRecord {
         let (lower_bound, remarks) = match &found {
             Ok(bound) => (
                 useful(bound),
-                certifier.remarks(&objective.criterion, bound),
+                in_words(&certifier.remarks(&objective.criterion, bound)),
             ),
             Err(e) => (None, vec![format!("no bound here, because {e}")]),
         };
@@ -232,11 +222,11 @@ impl CertificateRecord {
     ) -> Self {
         let (lower_bound, mut remarks) = match certifier.minimum_time(spec, achieved_s) {
             Ok(MinimumTime::MoreThan(s)) => (Some(s), Vec::new()),
-            Ok(other) => (seconds(other), vec![in_words(other)]),
+            Ok(other) => (seconds(other), vec![other.to_string()]),
             Err(e) => (None, vec![format!("no bound here, because {e}")]),
         };
         if !meets {
-            remarks.push("the schedule found does not meet it either".to_owned());
+            remarks.push(Remark::SpecificationMissed.to_string());
         }
         Self {
             criterion: "total-time".to_owned(),

@@ -7,11 +7,11 @@ use super::{
     warnings,
 };
 use crate::compare::{Compared, Proof, Terms};
+use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
-use crate::config::StudyConfig;
 use crate::suspicion;
 
 /// Name and major version of the [`ComparisonDocument`].
@@ -20,6 +20,7 @@ pub const COMPARISON_SCHEMA: &str = "scheme-opt/comparison/1";
 /// Schedules side by side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ComparisonDocument {
     /// [`COMPARISON_SCHEMA`].
     pub schema: String,
@@ -48,6 +49,7 @@ pub struct ComparisonDocument {
 /// What one schedule reaches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ComparedRecord {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
@@ -95,6 +97,7 @@ pub struct ComparedRecord {
 /// What one schedule tells about one coefficient. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ComparedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -114,6 +117,7 @@ pub struct ComparedCoefficient {
 /// A schedule that could not be compared.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SkippedContender {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,

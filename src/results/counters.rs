@@ -7,6 +7,7 @@ use crate::search::{Counters, RefinementCounters};
 /// How much work a search did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct CounterRecord {
     /// Values of schedules computed without gradient.
     pub evaluations: u64,
@@ -23,6 +24,7 @@ pub struct CounterRecord {
 /// How many refinements ended in which way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct RefinementRecord {
     /// The gradient became shorter than its tolerance.
     pub gradient_converged: u64,

@@ -15,10 +15,10 @@ use super::{
     SchemeListDocument, SimulationDocument, TOOL_VERSION, to_json,
 };
 use crate::commands::CommandDocument;
+use crate::config::StudyConfig;
 use crate::error::{Error, Result};
 use crate::schedule::file::ScheduleDocument;
 use crate::schedule::text::{shown, with_nearest};
-use crate::config::StudyConfig;
 
 /// A document that this program reads or writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

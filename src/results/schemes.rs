@@ -12,6 +12,7 @@ pub const SCHEMES_SCHEMA: &str = "scheme-opt/standard/1";
 /// The built-in schemes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SchemeListDocument {
     /// [`SCHEMES_SCHEMA`].
     pub schema: String,
@@ -24,6 +25,7 @@ pub struct SchemeListDocument {
 /// A built-in scheme.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SchemeRecord {
     /// Its name.
     pub name: String,

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::schedule::Schedule;
@@ -9,7 +10,6 @@ use crate::schedule::file::ScheduleDocument;
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::judgement::Judgement;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
-use crate::config::StudyConfig;
 
 use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
 
@@ -19,6 +19,7 @@ pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
 /// What many simulated runs of a test show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SimulationDocument {
     /// [`SIMULATION_SCHEMA`].
     pub schema: String,
@@ -85,6 +86,7 @@ pub struct SimulationDocument {
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SimulatedCoefficient {
     /// The coefficient.
     pub name: DriftCoefficient,
@@ -101,6 +103,7 @@ pub struct SimulatedCoefficient {
 /// Errors of one misalignment angle at the end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SimulatedMisalignment {
     /// `psi_nx`, `psi_ny` or `psi_nz`: about North, Up, East.
     pub name: String,
@@ -117,6 +120,7 @@ pub struct SimulatedMisalignment {
 /// Consistency when a position is left.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SimulatedPosition {
     /// Time, s.
     pub end_s: f64,
@@ -129,6 +133,7 @@ pub struct SimulatedPosition {
 /// Consistency for one size of the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SweepRecord {
     /// Prior 1σ of the misalignment about each axis, degrees.
     pub misalignment_deg: f64,

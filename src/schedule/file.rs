@@ -85,6 +85,7 @@ fn json_keys() -> impl Iterator<Item = &'static str> {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct ScheduleDocument {
     /// Name and major version of the document, [`SCHEMA`].
     #[serde(default = "current_schema")]
@@ -104,6 +105,7 @@ fn current_schema() -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct PositionRecord {
     /// Outer angle α, degrees, −36000 to 36000.
     pub alpha_deg: f64,

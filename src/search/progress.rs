@@ -1,5 +1,7 @@
 //! How a search is watched and stopped.
 
+use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -32,6 +34,7 @@ impl Phase {
 
 /// One report of progress. Reports come from several threads, in no fixed order.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Progress {
     /// What is being done.
     pub phase: Phase,
@@ -43,33 +46,58 @@ pub struct Progress {
     pub criterion: Option<f64>,
 }
 
-/// Watches and stops a search from outside.
+/// Watches and stops a search from outside. Owns what it holds, so that it can be kept, cloned and
+/// handed to other threads and languages.
 ///
 /// ```
+/// use std::sync::Arc;
 /// use std::sync::atomic::AtomicBool;
-/// use scheme_opt::internals::search::Control;
-/// let cancel = AtomicBool::new(false);
-/// let control = Control::new(&cancel, &|p| assert!(p.done <= p.total));
+/// use scheme_opt::Control;
+/// // Nobody watches, nobody stops it.
+/// let quiet = Control::default();
+/// assert!(!quiet.should_stop());
+/// // Another thread stores `true` into `cancel` to stop it.
+/// let cancel = Arc::new(AtomicBool::new(false));
+/// let watched = Control::default()
+///     .with_cancel(Arc::clone(&cancel))
+///     .with_progress(|p| assert!(p.done <= p.total));
+/// assert!(!watched.should_stop());
 /// ```
+#[derive(Clone, Default)]
 pub struct Control {
-    cancel: &'a AtomicBool,
-    progress: &'a (dyn Fn(&Progress) + Sync),
+    cancel: Arc<AtomicBool>,
+    progress: Option<Arc<dyn Fn(&Progress) + Send + Sync>>,
     deadline: Option<Instant>,
-    journal: Option<&'a Journal>,
+    journal: Option<Arc<Journal>>,
 }
 
-impl<'a> Control {
-    /// Reports to `progress`; stops soon after `cancel` becomes true.
-    pub fn new(cancel: &'a AtomicBool, progress: &'a (dyn Fn(&Progress) + Sync)) -> Self {
-        Self {
-            cancel,
-            progress,
-            deadline: None,
-            journal: None,
-        }
+impl fmt::Debug for Control {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control")
+            .field("cancelled", &self.is_cancelled())
+            .field("watched", &self.progress.is_some())
+            .field("deadline", &self.deadline)
+            .field("journal", &self.journal.is_some())
+            .finish()
+    }
+}
+
+impl Control {
+    /// Stops soon after `cancel` becomes true, and then gives the best schedule so far.
+    #[must_use]
+    pub fn with_cancel(mut self, cancel: Arc<AtomicBool>) -> Self {
+        self.cancel = cancel;
+        self
     }
 
-    /// Stops soon after `deadline`.
+    /// Reports to `progress`, from several threads and in no fixed order.
+    #[must_use]
+    pub fn with_progress(mut self, progress: impl Fn(&Progress) + Send + Sync + 'static) -> Self {
+        self.progress = Some(Arc::new(progress));
+        self
+    }
+
+    /// Stops soon after `deadline`, if there is one.
     #[must_use]
     pub fn with_deadline(mut self, deadline: Option<Instant>) -> Self {
         self.deadline = deadline;
@@ -78,13 +106,18 @@ impl<'a> Control {
 
     /// Skips what `journal` has finished, and adds what gets finished.
     #[must_use]
-    pub fn with_journal(mut self, journal: &'a Journal) -> Self {
+    pub fn with_journal(mut self, journal: Arc<Journal>) -> Self {
         self.journal = Some(journal);
         self
     }
 
-    pub(crate) fn journal(&self) -> Option<&'a Journal> {
-        self.journal
+    pub(crate) fn journal(&self) -> Option<&Journal> {
+        self.journal.as_deref()
+    }
+
+    /// The moment after which it stops, if any.
+    pub(crate) fn deadline(&self) -> Option<Instant> {
+        self.deadline
     }
 
     /// Whether the search was cancelled.
@@ -103,11 +136,13 @@ impl<'a> Control {
     }
 
     pub(crate) fn report(&self, phase: Phase, done: u64, total: u64, criterion: Option<f64>) {
-        (self.progress)(&Progress {
-            phase,
-            done,
-            total,
-            criterion,
-        });
+        if let Some(progress) = &self.progress {
+            progress(&Progress {
+                phase,
+                done,
+                total,
+                criterion,
+            });
+        }
     }
 }

@@ -477,7 +477,6 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicBool;
 
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
@@ -542,7 +541,7 @@ mod tests {
         /// Sequences whose dwells are allocated.
         const ALLOCATED: usize = 400;
         let evaluator = evaluator();
-        let (cancel, work) = (AtomicBool::new(false), Work::default());
+        let work = Work::default();
         let control = Control::default();
         for count in 1..=4 {
             let problem = SearchProblem {

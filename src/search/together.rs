@@ -158,7 +158,6 @@ fn advance(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicBool;
 
     use super::*;
     use crate::evaluate::{Evaluator, Objective};

@@ -28,8 +28,8 @@
 //! | filter period | given, and a noise per period is not | the default noise then is another instrument's |
 
 use super::{Instrument, Rescaled, Suspicion, TimeUnit, Warning};
-use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
 use crate::config::StudyConfig;
+use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 
 /// Largest angle that radians are taken for, a turn and its rounding.

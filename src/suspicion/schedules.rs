@@ -8,8 +8,8 @@
 
 use super::rules::{TURN_RAD, decimals, largest};
 use super::{Suspicion, TimeUnit, Warning};
-use crate::schedule::Schedule;
 use crate::config::StudyConfig;
+use crate::schedule::Schedule;
 use crate::units::RAD_PER_DEG;
 
 /// A schedule whose angles are all smaller than this is taken for what it says.

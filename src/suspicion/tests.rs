@@ -6,9 +6,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::attitude::Position;
+use crate::config::{PerCoefficient, StudySource};
 use crate::platform::{AxisValue, GSensitivePrior};
 use crate::schedule::ScheduledPosition;
-use crate::config::{PerCoefficient, StudySource};
 
 /// What a platform file raises: keys and messages.
 fn of_file(text: &str) -> Vec<Warning> {

@@ -310,7 +310,6 @@ fn what_a_search_found_is_what_its_file_says() {
         c.motion.settle_s = 30.0;
     });
     let evaluator = Evaluator::new(platform, Objective::default());
-    let cancel = std::sync::atomic::AtomicBool::new(false);
     for seed in 1..=3 {
         let problem = SearchProblem {
             total_time_s: 6000.0,

@@ -1,7 +1,6 @@
 //! The certificate as a library caller sees it: no schedule is below its bound, and the bound is
 //! close where it can be.
 
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use scheme_opt::internals::attitude::Position;

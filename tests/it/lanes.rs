@@ -1,7 +1,5 @@
 //! A whole search by each width of vector instructions ends with the same bytes.
 
-use std::sync::atomic::AtomicBool;
-
 use scheme_opt::internals::config::StudyConfig;
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::platform::PlatformConfig;

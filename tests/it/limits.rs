@@ -1,8 +1,6 @@
 //! Whatever the limits of a stand: no schedule that a search returns violates them, moves in
 //! between included.
 
-use std::sync::atomic::AtomicBool;
-
 use proptest::prelude::*;
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;

@@ -1,11 +1,11 @@
 //! A thousand searches on odd platforms: each ends with a schedule that the platform can run, or
 //! with a refusal that is proven; never with an error of another kind.
 
-use std::sync::atomic::AtomicBool;
-
 use rayon::prelude::*;
 use scheme_opt::internals::commands::CommandTable;
-use scheme_opt::internals::config::{CriterionKind, Mode, PerCoefficient, Study, StudyConfig};
+use scheme_opt::internals::config::{
+    CheckedConfig, CriterionKind, Mode, PerCoefficient, StudyConfig,
+};
 use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::evaluate::Evaluator;
 use scheme_opt::internals::motion::Timeline;
@@ -203,14 +203,14 @@ impl Draw {
 }
 
 /// The study of a case, with the seed that it came from in messages.
-fn study(case: u64) -> Study {
+fn study(case: u64) -> CheckedConfig {
     let config = Draw(Random::of_case(case)).study();
     config
         .check()
         .unwrap_or_else(|e| panic!("case {case}: {e}"))
 }
 
-fn run(study: &Study, evaluator: &Evaluator) -> scheme_opt::error::Result<SearchOutcome> {
+fn run(study: &CheckedConfig, evaluator: &Evaluator) -> scheme_opt::Result<SearchOutcome> {
     let control = Control::default();
     let problem = study.search_problem();
     match study.objective().mode {
@@ -221,7 +221,7 @@ fn run(study: &Study, evaluator: &Evaluator) -> scheme_opt::error::Result<Search
 }
 
 /// Why no schedule exists, worked out apart from the search; none: one does.
-fn impossible(study: &Study) -> Option<&'static str> {
+fn impossible(study: &CheckedConfig) -> Option<&'static str> {
     let motion = &study.config().platform.motion;
     let gimbals = &study.config().platform.gimbals;
     if let Some(step) = gimbals.step_deg {
@@ -240,7 +240,11 @@ fn impossible(study: &Study) -> Option<&'static str> {
 }
 
 /// That the platform can run the schedule within the limits.
-fn check_limits(platform: &Platform, study: &Study, schedule: &Schedule) -> Result<(), String> {
+fn check_limits(
+    platform: &Platform,
+    study: &CheckedConfig,
+    schedule: &Schedule,
+) -> Result<(), String> {
     let timeline = Timeline::new(platform, schedule).map_err(|e| e.to_string())?;
     let (total_s, most_s) = (timeline.total_time_s(), study.objective().total_time_s);
     if total_s > most_s * (1.0 + 1e-12) {

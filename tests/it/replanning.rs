@@ -1,7 +1,5 @@
 //! Planning the rest of an interrupted test: what is done is the prior of what follows.
 
-use std::sync::atomic::AtomicBool;
-
 use scheme_opt::internals::drift::COEFFICIENTS;
 use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
 use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};

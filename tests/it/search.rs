@@ -1,7 +1,7 @@
 //! The search as a library caller sees it.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use scheme_opt::internals::criterion::Criterion;
@@ -194,17 +194,20 @@ fn a_search_can_be_stopped_and_then_has_a_best_so_far() {
         starts: 100_000,
         ..SearchProblem::default()
     };
-    let cancel = AtomicBool::new(false);
-    let reports = Mutex::new(0);
-    let progress = |_: &_| {
-        *reports.lock().unwrap() += 1;
-        cancel.store(true, Ordering::Relaxed);
-    };
-    let found = search(&evaluator, &problem, &Control::new(&cancel, &progress)).unwrap();
+    let cancel = Arc::new(AtomicBool::new(false));
+    let reports = Arc::new(AtomicU64::new(0));
+    let (stop, count) = (Arc::clone(&cancel), Arc::clone(&reports));
+    let control = Control::default()
+        .with_cancel(cancel)
+        .with_progress(move |_| {
+            count.fetch_add(1, Ordering::Relaxed);
+            stop.store(true, Ordering::Relaxed);
+        });
+    let found = search(&evaluator, &problem, &control).unwrap();
     assert_eq!(found.status, Status::Interrupted);
     assert!(found.counters.starts < 100);
     assert!(found.evaluation.rms_sigma_deg_per_h() < 0.01);
-    assert!(*reports.lock().unwrap() > 0);
+    assert!(reports.load(Ordering::Relaxed) > 0);
 
     let control =
         Control::default().with_deadline(Some(Instant::now() + Duration::from_millis(30)));

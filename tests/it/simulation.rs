@@ -85,11 +85,9 @@ fn monte_carlo(drift: f64, runs: usize, options: SimulationOptions) -> MonteCarl
 }
 
 fn with(truth: TruthModel, filter: FilterModel) -> SimulationOptions {
-    SimulationOptions {
-        truth,
-        filter,
-        ..SimulationOptions::default()
-    }
+    SimulationOptions::default()
+        .with_truth(truth)
+        .with_filter(filter)
 }
 
 /// Slews, a measured one among them, settles, and a remainder of a period.
@@ -120,10 +118,7 @@ fn nonlinear_truth_agrees_with_the_linear_model_to_second_order() {
             test_platform = platform(1.0, |c| c.motion.repositioning = mode);
         }
         let path = |truth, scale: f64| -> Vec<Vector3<f64>> {
-            let options = SimulationOptions {
-                noise: TruthNoise::None,
-                ..with(truth, FilterModel::Linear)
-            };
+            let options = with(truth, FilterModel::Linear).with_noise(TruthNoise::None);
             let initial = InitialTruth {
                 misalignment_n_arcsec: direction.misalignment_n_arcsec * scale,
                 drift_deg_per_h: direction.drift_deg_per_h * scale,
@@ -153,10 +148,7 @@ fn nonlinear_truth_agrees_with_the_linear_model_to_second_order() {
 #[test]
 fn without_noise_and_products_the_filter_finds_the_truth() {
     let (platform, schedule) = moving();
-    let options = SimulationOptions {
-        noise: TruthNoise::None,
-        ..with(TruthModel::FirstOrder, FilterModel::Linear)
-    };
+    let options = with(TruthModel::FirstOrder, FilterModel::Linear).with_noise(TruthNoise::None);
     let simulation = simulation(&platform, &schedule, options);
     let initial = simulation.draw(1, 0);
     let run = simulation.trajectory(&initial, 1, 0);
@@ -315,10 +307,7 @@ fn a_filter_told_a_third_of_the_noise_is_found_out() {
         (TruthModel::Nonlinear, FilterModel::Iterated),
         (TruthModel::FirstOrder, FilterModel::Linear),
     ] {
-        let told = |factor| SimulationOptions {
-            told: ToldNoise::both(factor),
-            ..with(truth, filter)
-        };
+        let told = |factor| with(truth, filter).with_told(ToldNoise::both(factor));
         let found = monte_carlo(1.0, 200, told(1.0 / 3.0));
         let nees = found.nees.unwrap();
         println!("{truth:?}, a third: NEES {:.1}", nees.average);
@@ -404,10 +393,7 @@ fn what_cannot_be_simulated_is_refused() {
     let error = Simulation::new(&platform, &timeline, SimulationOptions::default()).unwrap_err();
     assert_eq!(error.key(), Some("filter.period_s"));
     let platform = self::platform(1.0, |_| {});
-    let options = SimulationOptions {
-        told: ToldNoise::both(0.0),
-        ..SimulationOptions::default()
-    };
+    let options = SimulationOptions::default().with_told(ToldNoise::both(0.0));
     let timeline = Timeline::new(&platform, &optimised()).unwrap();
     assert!(Simulation::new(&platform, &timeline, options).is_err_and(|e| e.is_input()));
     let good = simulation(&platform, &optimised(), SimulationOptions::default());
@@ -474,10 +460,7 @@ fn the_papers_numbers_come_out_and_are_exchanged_by_the_slew() {
 #[test]
 fn the_bias_is_omega_north_times_the_initial_misalignment() {
     let omega_north = platform(1.0, |_| {}).earth_rate_n()[NORTH];
-    let options = SimulationOptions {
-        noise: TruthNoise::None,
-        ..with(TruthModel::FirstOrder, FilterModel::Linear)
-    };
+    let options = with(TruthModel::FirstOrder, FilterModel::Linear).with_noise(TruthNoise::None);
     // 0.1 degrees, 0.1 arc minutes.
     for arcsec in [360.0, 6.0] {
         // What the same test does without a misalignment is the prior's pull, not its doing.

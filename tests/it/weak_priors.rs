@@ -1,8 +1,6 @@
 //! Criteria, their gradients and searches by them under priors far weaker than the measurements,
 //! against a dense Kalman filter in 320-bit arithmetic.
 
-use std::sync::atomic::AtomicBool;
-
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};

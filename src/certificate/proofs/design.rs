@@ -258,7 +258,7 @@ fn where_nothing_is_measured_the_prior_is_the_bound() {
     assert!(bound.criterion.majorant.is_none());
     let prior: f64 = (3.0 * 225.0 + 9.0 * 64.0) / 12.0;
     assert!((bound.lower_bound / prior.sqrt() - 1.0).abs() < 1e-5);
-    assert!(bound.remarks[0].contains("the prior itself"));
+    assert_eq!(bound.remarks, [crate::certificate::Remark::PriorItself]);
     let known = Certifier::new(&platform(|c| {
         let zero = crate::platform::AxisValue::All(0.0);
         c.prior.constant_drift_deg_per_h = zero;
@@ -306,7 +306,8 @@ fn extreme_conditions_have_a_bound_or_say_why_not() {
             let prior = certifier.conditions.prior_sigma;
             let prior_rms = (prior.norm_squared() / 12.0).sqrt();
             assert!(bound.lower_bound > 0.0 && bound.lower_bound <= prior_rms * (1.0 + 1e-9));
-            let said = bound.remarks.join("; ");
+            let said: Vec<String> = bound.remarks.iter().map(ToString::to_string).collect();
+            let said = said.join("; ");
             assert!(
                 said.contains(remark) && (remark.is_empty() || !said.is_empty()),
                 "{said}"

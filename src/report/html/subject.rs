@@ -1,6 +1,7 @@
 //! What a page is about: a schedule on a platform, with everything that is known of it.
 
 use crate::commands::CommandTable;
+use crate::config::{CheckedConfig, StudyConfig};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
@@ -9,7 +10,6 @@ use crate::observability::analysis::Analysis;
 use crate::results::{AnalysisDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
-use crate::config::{CheckedConfig, StudyConfig};
 
 /// A schedule, its platform, and all that can be computed of the two.
 pub(super) struct Subject {

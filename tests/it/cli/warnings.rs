@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use scheme_opt::internals::config::{StudyConfig, StudySource};
-use scheme_opt::suspicion;
+use scheme_opt::internals::suspicion;
 
 use super::{Desk, SCHEDULE};
 use crate::support::reference_cases;
@@ -151,10 +151,8 @@ fn the_files_of_the_guides_raise_nothing() {
 #[test]
 fn the_reference_cases_raise_nothing() {
     for case in reference_cases() {
-        let config = StudyConfig {
-            platform: case.config.clone(),
-            ..StudyConfig::default()
-        };
+        let mut config = StudyConfig::default();
+        config.platform = case.config.clone();
         let found = suspicion::of(&config, &[], Some(&case.schedule));
         assert_eq!(found, [], "{}", case.name);
     }

@@ -1,0 +1,59 @@
+//! What a reader of a bound should know: what it does not cover, and why it is weak.
+
+use std::fmt;
+
+use crate::criterion::KnownBefore;
+
+/// What a bound does not cover, or why it is weak. [`fmt::Display`] puts it into words, the same in
+/// every document, report and terminal.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Remark {
+    /// The criterion is 0 before any test.
+    KnownBefore(KnownBefore),
+    /// Nothing is measured in so short a test.
+    PriorItself,
+    /// No majorant of the information was found.
+    NoMajorant,
+    /// Frame-hold repositioning turns the misalignment, so that all of it counts as measured.
+    FrameHold,
+    /// Only the isotropic majorant holds: all of the misalignment counts as measured.
+    IsotropicMajorant,
+    /// The bound is for an index table whose moves take no time.
+    IndexTable,
+    /// At a pole the sum of the input-axis coefficients is never seen.
+    Pole,
+    /// The schedule found does not meet the specification either.
+    SpecificationMissed,
+}
+
+impl fmt::Display for Remark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::KnownBefore(known) => return known.fmt(f),
+            Self::PriorItself => {
+                "nothing is measured in so short a test: the bound is the prior itself"
+            }
+            Self::NoMajorant => {
+                "no useful bound here, because without random drift and with so long a filter \
+                 period none of the majorants holds"
+            }
+            Self::FrameHold => {
+                "in frame-hold repositioning moves turn the misalignment: it is as if all three of \
+                 its components were measured"
+            }
+            Self::IsotropicMajorant => {
+                "weak bound, because the separated majorant does not hold here: it is as if all \
+                 three components of the misalignment were measured"
+            }
+            Self::IndexTable => {
+                "for schedules on the index table whose moves take no time; while a move lasts, \
+                 the drift is seen at attitudes off the table"
+            }
+            Self::Pole => {
+                "at a pole the sum D_IX + D_IY + D_IZ is never seen: its prior is most of the bound"
+            }
+            Self::SpecificationMissed => "the schedule found does not meet it either",
+        })
+    }
+}

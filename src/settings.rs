@@ -1,0 +1,10 @@
+//! The tables of a platform file as values: what a [`StudyConfig`](crate::StudyConfig) consists of.
+//! Units are in the names; a [`Study`](crate::Study) checks every number.
+
+pub use crate::config::{
+    CriterionKind, DEFAULT_TOML, Mode, ObjectiveConfig, PerCoefficient, ScoreConfig, SearchConfig,
+};
+pub use crate::platform::{
+    AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior, GimbalsConfig, GyroConfig,
+    MotionConfig, PlatformConfig, PriorConfig, Repositioning, SiteConfig,
+};
