@@ -27,7 +27,9 @@ pub(super) fn search(
     if let Some(certificate) = document.certificate.as_ref().filter(|_| !known) {
         text.push_str(&wrap(&words::within(certificate)));
     }
-    if document.status != Status::Converged.name() {
+    // What stays unobservable has been said.
+    let is_said = document.unobservable.in_words().as_ref() == Some(&document.reason);
+    if document.status != Status::Converged.name() && !is_said {
         text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
     }
     if !document.pareto.is_empty() {

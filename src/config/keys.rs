@@ -129,6 +129,11 @@ pub(super) fn choices(path: &str) -> Option<Vec<&'static str>> {
     }
 }
 
+/// True when any number of names can be given for this key.
+pub(super) fn is_list(path: &str) -> bool {
+    path == "objective.accept_unobservable"
+}
+
 /// How many elements an array has that is given for this key, and what they are.
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
     if path.starts_with("gimbals.") && path != "gimbals.step_deg" {

@@ -242,10 +242,8 @@ impl<'a> Document<'a> {
             return error;
         };
         let mut raw = self.text.get(place.value.clone()).unwrap_or_default();
-        if raw.starts_with('[')
-            && keys::choices(key).is_some()
-            && let Some(element) = e.span().and_then(|span| self.text.get(span))
-        {
+        let is_in_list = keys::is_list(key) && raw.starts_with('[');
+        if is_in_list && let Some(element) = e.span().and_then(|span| self.text.get(span)) {
             // Of a list of names, the one that is wrong.
             raw = element;
         }
@@ -254,6 +252,9 @@ impl<'a> Document<'a> {
         // The span of a table is its header, which is no value to show.
         if !raw.starts_with('[') || raw.contains(',') {
             error = error.with_value(text::shown(raw));
+        }
+        if keys::is_list(key) && !is_in_list {
+            return error.with_allowed("a list of names, such as [\"D_IX\", \"D_IZ\"]");
         }
         if let Some(choices) = keys::choices(key) {
             let names: Vec<_> = choices.iter().map(|c| format!("\"{c}\"")).collect();

@@ -50,7 +50,11 @@ fn bad_platform_files_are_refused_by_line_key_and_value() {
         ),
         (
             "[objective]\naccept_unobservable = \"D_IZ\"\n",
-            &["bad.toml:2", "objective.accept_unobservable = \"D_IZ\""],
+            &[
+                "bad.toml:2",
+                "objective.accept_unobservable = \"D_IZ\"",
+                "a list of names",
+            ],
         ),
         (
             "[objective]\naccept_unobservable = [3]\n",
