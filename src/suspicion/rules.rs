@@ -96,9 +96,9 @@ fn is_round(value: f64) -> bool {
     (leading / leading.round() - 1.0).abs() < 5e-4
 }
 
-/// The largest of the values, by size.
+/// The largest of the values, by size; of a range about zero its upper end.
 pub(super) fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    let size = |largest: f64, v: f64| if v.abs() > largest.abs() { v } else { largest };
+    let size = |largest: f64, v: f64| if v.abs() >= largest.abs() { v } else { largest };
     values.into_iter().fold(0.0, size)
 }
 

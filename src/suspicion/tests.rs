@@ -378,7 +378,7 @@ impl Draw {
         motion.slew_rate_deg_per_s = Some(self.spread(0.03, 100.0));
         motion.settle_s = rounded(self.between(0.0, 600.0));
         motion.min_dwell_s = rounded(self.between(5.0, 600.0));
-        motion.start_deg = Some([0.0, 90.0, -45.0]);
+        motion.start_deg = Some([0.0, 0.0, -90.0]);
         c.objective.total_time_s = rounded(self.between(1800.0, 200_000.0));
         c.objective.spec_deg_per_h = PerCoefficient::all(self.spread(1e-4, 1.0));
         c
