@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scheme_opt::attitude::{Attitude, Position};
 use scheme_opt::covariance::CovarianceModel;
-use scheme_opt::covariance::reference::step_by_step;
+use scheme_opt::covariance::filter::step_by_step;
 use scheme_opt::drift::DriftCoefficient;
 use scheme_opt::motion::Timeline;
 use scheme_opt::observability::Observability;

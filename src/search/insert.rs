@@ -15,7 +15,7 @@ use super::refine::Refined;
 use super::table::Table;
 use super::variables::Plan;
 use crate::attitude::{Attitude, Position};
-use crate::covariance::incremental::{Cuts, Insertion};
+use crate::covariance::fast::cuts::{Cuts, Insertion};
 use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
 use crate::drift::drift_matrix;

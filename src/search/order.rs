@@ -11,7 +11,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::pipeline::{Context, Work, rate, told_apart};
+use super::pipeline::{Context, Work, rate};
 use super::refine::Refined;
 use super::variables::Plan;
 use super::{Control, SearchProblem};
@@ -145,7 +145,7 @@ fn estimated(
     let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(platform)).collect();
     let merits = evaluator.merits_by_covariance(&timelines, smoothing);
     let all = merits.into_iter().zip(plans);
-    all.filter_map(|(merit, plan)| Some((told_apart(merit.ok()?)?, plan)))
+    all.filter_map(|(merit, plan)| Some((merit.ok().filter(|m| m.is_finite())?, plan)))
         .collect()
 }
 

@@ -2,7 +2,7 @@
 //! weak priors, near-unobservable corners.
 
 use scheme_opt::attitude::Position;
-use scheme_opt::covariance::reference::{step_by_step, step_by_step_extended};
+use scheme_opt::covariance::filter::{step_by_step, step_by_step_extended};
 use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::evaluate::{Evaluator, Objective};
 use scheme_opt::motion::Timeline;

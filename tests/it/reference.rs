@@ -1,7 +1,7 @@
 //! The kernel evaluator and the square-root filter against an independent dense Kalman filter.
 
 use scheme_opt::attitude::Position;
-use scheme_opt::covariance::reference::{Moment, step_by_step};
+use scheme_opt::covariance::filter::{Moment, step_by_step};
 use scheme_opt::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::drift::CoefficientVector;
 use scheme_opt::motion::Timeline;

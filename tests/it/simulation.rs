@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use scheme_opt::attitude::{NORTH, Position};
-use scheme_opt::covariance::reference::step_by_step;
+use scheme_opt::covariance::filter::step_by_step;
 use scheme_opt::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use scheme_opt::motion::Timeline;
 use scheme_opt::platform::{AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning};

@@ -118,7 +118,10 @@ fn gradients_under_weak_priors_are_the_derivatives() {
             }
             println!("{prior:e} {criterion:?}: {worst:.1e} of {size:.1e}");
             // Derivatives of a logarithm per radian: some are 0, and none far above 1.
-            assert!(worst < 1e-5, "{prior:e} {criterion:?}: {worst:e} of {size:e}");
+            assert!(
+                worst < 1e-5,
+                "{prior:e} {criterion:?}: {worst:e} of {size:e}"
+            );
         }
     }
 }
