@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scheme_opt::internals::attitude::{Attitude, Position};
 use scheme_opt::internals::covariance::CovarianceModel;
-use scheme_opt::internals::covariance::reference::step_by_step;
+use scheme_opt::internals::covariance::filter::step_by_step;
 use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::observability::Observability;

@@ -8,28 +8,25 @@
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
 //! - [`gradient`]: its reverse mode;
-//! - `two_stage`: value and gradient in straight-line code, for one schedule or several at once;
+//! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
 //! - `extended`: kernels and chain in numbers of 32 digits, where doubles are lost;
-//! - [`mod@reference`]: an independent step-by-step square-root filter on faer, for the convergence
-//!   history and to check every winner.
+//! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
+//!   own, for the convergence history and to check every winner; it says what the two share.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
-pub(crate) mod batch;
 pub mod chain;
-mod dwell_sequence;
 mod extended;
+pub(crate) mod fast;
+pub mod filter;
 pub mod gradient;
 pub mod history;
-pub(crate) mod incremental;
 pub mod kernel;
 pub(crate) mod link;
-pub(crate) mod number;
-pub mod reference;
+pub(crate) mod real;
 mod root;
 mod rows;
 mod small;
-mod two_stage;
 
 use std::borrow::Cow;
 
@@ -41,12 +38,11 @@ use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
-pub use dwell_sequence::DwellSequence;
+use fast::arithmetic::MOST_LANES;
+use fast::information::PriorScale;
 use kernel::KernelTable;
 pub(crate) use root::Rooted;
 pub use root::{CoefficientCovariance, CovarianceRoot, Slope};
-use two_stage::information::PriorScale;
-use two_stage::numbers::MOST_LANES;
 
 /// When the filter measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -59,6 +55,16 @@ pub enum TickRule {
     /// information f/r². Continuous in the duration, and equal to [`TickRule::Filter`] at whole
     /// periods, where a search's schedules end up.
     Relaxed,
+}
+
+/// The numbers that a covariance was worked out in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// Doubles: sixteen digits.
+    #[default]
+    Double,
+    /// 32 digits, where measurements tell so much more than the prior that sixteen are too few.
+    Extended,
 }
 
 /// Splits a duration into whole filter periods and a remainder, s. A duration within 1e-9

@@ -17,16 +17,20 @@
 //! # Two computations of every number
 //!
 //! [`Evaluator::evaluate`] computes the covariance twice, through the dwell kernels and by the
-//! step-by-step square-root filter, which share no numerics. Where they differ by more than 1e-6
-//! in any σ, because priors far weaker than the measurements leave double precision no digits,
-//! both are repeated in numbers of 32 digits. A difference above 1e-6 that is left is an error,
-//! never printed away.
+//! step-by-step square-root filter; [`mod@crate::covariance::filter`] says what the two share. A
+//! difference above 1e-6 in any σ is an error, never printed away. Only where priors far weaker
+//! than the measurements leave double precision too few digits for such a difference to mean
+//! anything are both repeated in numbers of 32 digits, which then must agree; the difference that
+//! there was in doubles is kept ([`Evaluation::first_disagreement`]).
 
+use crate::covariance::chain::WithPrecision;
+use crate::covariance::filter::{self, instrument::Instrument};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
-use crate::covariance::number::Number;
-use crate::covariance::reference::{Moment, step_by_step, step_by_step_extended};
-use crate::covariance::{CoefficientCovariance, CovarianceModel, EndCovariance, Slope, TickRule};
+use crate::covariance::real::{Extended, Real};
+use crate::covariance::{
+    CoefficientCovariance, CovarianceModel, EndCovariance, Precision, Slope, TickRule,
+};
 use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
@@ -111,6 +115,10 @@ pub struct Evaluation {
     pub convergence: ConvergenceHistory,
     /// Largest relative difference of a σ between kernels and square-root filter.
     pub agreement: f64,
+    /// The numbers that gave the covariance.
+    pub precision: Precision,
+    /// Where kernels and filter differed in doubles, before both were repeated in 32 digits.
+    pub first_disagreement: Option<Disagreement>,
 }
 
 impl Evaluation {
@@ -137,14 +145,88 @@ impl Evaluation {
     }
 }
 
-/// A step-by-step filter.
-type Filter = fn(&Platform, &Timeline, &mut dyn FnMut(&Moment)) -> Result<EndCovariance>;
+/// Largest difference of a correlation between the two computations. σ does not know the sign of a
+/// coefficient's column, correlations do; rounding turns them by as much as it changes σ, but in
+/// every direction.
+pub const CORRELATION_AGREEMENT: f64 = 1e-5;
+
+/// Where the two computations differ by more than [`AGREEMENT`] or [`CORRELATION_AGREEMENT`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disagreement {
+    /// In what.
+    pub of: Compared,
+    /// By the dwell kernels: σ in °/h, of a misalignment in arcsec; a correlation.
+    pub kernels: f64,
+    /// The same by the step-by-step filter.
+    pub filter: f64,
+    /// Their difference, of a σ relative to it; infinite where one is not a number.
+    pub difference: f64,
+}
+
+/// A number that is computed twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Compared {
+    /// σ of a coefficient.
+    Coefficient(DriftCoefficient),
+    /// σ of ψ^n about North, Up or East: 0, 1, 2.
+    Misalignment(usize),
+    /// The correlation of two coefficients.
+    Correlation(DriftCoefficient, DriftCoefficient),
+}
+
+impl Compared {
+    /// `D_FX` … `D_SZ`, `psi_nx`, `psi_ny`, `psi_nz`; of a correlation both, as `D_FX, D_SX`.
+    pub fn name(self) -> String {
+        match self {
+            Self::Coefficient(c) => c.name().to_owned(),
+            Self::Misalignment(axis) => MISALIGNMENT_NAMES[axis].to_owned(),
+            Self::Correlation(a, b) => format!("{}, {}", a.name(), b.name()),
+        }
+    }
+
+    /// `deg/h`, `arcsec` or `1`.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Coefficient(_) => "deg/h",
+            Self::Misalignment(_) => "arcsec",
+            Self::Correlation(..) => "1",
+        }
+    }
+}
+
+/// Names of the components of ψ^n: North, Up, East.
+pub(crate) const MISALIGNMENT_NAMES: [&str; 3] = ["psi_nx", "psi_ny", "psi_nz"];
+
+impl Disagreement {
+    fn error(self) -> Error {
+        let what = match self.of {
+            Compared::Coefficient(_) | Compared::Misalignment(_) => "sigmas",
+            Compared::Correlation(..) => "correlations",
+        };
+        let (of, unit) = (self.of.name(), self.of.unit());
+        Error::disagreement(format!(
+            "the dwell kernels and the step-by-step filter give different {what} of {of} ({:e} and \
+             {:e} {unit}); neither is printed as a result",
+            self.kernels, self.filter,
+        ))
+        .with_key(&of)
+    }
+}
 
 /// What two computations came to.
 struct Checked {
     end: EndCovariance,
     convergence: ConvergenceHistory,
     agreement: f64,
+    precision: Precision,
+    first_disagreement: Option<Disagreement>,
+}
+
+/// What the filter came to.
+struct Judged {
+    convergence: ConvergenceHistory,
+    /// Largest relative difference of a σ, or the first that is too large.
+    agreement: std::result::Result<f64, Disagreement>,
 }
 
 /// Scores schedules on one platform. Cheap to share between threads.
@@ -171,6 +253,8 @@ pub struct Evaluator {
     platform: Platform,
     objective: Objective,
     model: CovarianceModel,
+    /// What the step-by-step filter takes for the instrument.
+    instrument: Instrument,
 }
 
 impl Evaluator {
@@ -181,7 +265,15 @@ impl Evaluator {
             platform,
             objective,
             model,
+            instrument: Instrument::PAPER,
         }
+    }
+
+    /// With a filter that takes the instrument for another.
+    #[cfg(test)]
+    fn judged_on(mut self, instrument: Instrument) -> Self {
+        self.instrument = instrument;
+        self
     }
 
     /// The same, working out several schedules in at most `most` lanes; see
@@ -220,6 +312,8 @@ impl Evaluator {
             end,
             convergence,
             agreement,
+            precision,
+            first_disagreement,
         } = self.checked(&timeline)?;
         let observability = Observability::analyze(&self.model, &timeline)?;
         Ok(Evaluation {
@@ -231,29 +325,82 @@ impl Evaluator {
             observability,
             convergence,
             agreement,
+            precision,
+            first_disagreement,
         })
     }
 
-    /// The end of `timeline` by kernels and filter. Where doubles cannot hold what both say, once
-    /// more in numbers of 32 digits.
+    /// The end of `timeline` by kernels and filter: in doubles and, where those have lost the
+    /// digits that are compared, once more in numbers of 32 digits.
     fn checked(&self, timeline: &Timeline) -> Result<Checked> {
-        let end = self.model.end_covariance(timeline, TickRule::Filter)?;
-        self.check(end, timeline, step_by_step).or_else(|_| {
-            let end = self.model.end_covariance_extended(timeline)?;
-            self.check(end, timeline, step_by_step_extended)
-                .map_err(|e| e.with_hint(why_lost(timeline)))
-        })
-    }
-
-    /// Compares `end` with what `filter` comes to.
-    fn check(&self, end: EndCovariance, timeline: &Timeline, filter: Filter) -> Result<Checked> {
-        let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
-        let checked = filter(&self.platform, timeline, &mut |m| recorder.observe(m))?;
-        let agreement = compare(&end, &checked, self.model.noise_variance.sqrt())?;
+        let WithPrecision {
+            end,
+            precision,
+            told,
+        } = self.model.end_with_precision(timeline, TickRule::Filter)?;
+        let first = match self.judge::<f64>(&end, timeline) {
+            Ok(Judged {
+                convergence,
+                agreement: Ok(agreement),
+            }) => {
+                return Ok(Checked {
+                    end,
+                    convergence,
+                    agreement,
+                    precision,
+                    first_disagreement: None,
+                });
+            }
+            Ok(Judged {
+                agreement: Err(first),
+                ..
+            }) if self.digits_are_lost(told, &first) => Some(first),
+            Ok(Judged {
+                agreement: Err(first),
+                ..
+            }) => return Err(first.error()),
+            // The filter's rows leave the range of doubles.
+            Err(error) if error.is_numerical() => None,
+            Err(error) => return Err(error),
+        };
+        let end = self.model.end_covariance_extended(timeline)?;
+        let judged = self.judge::<Extended>(&end, timeline)?;
+        let agreement = judged
+            .agreement
+            .map_err(|again| again.error().with_hint(why_lost(timeline)))?;
         Ok(Checked {
             end,
-            convergence: recorder.finish(),
+            convergence: judged.convergence,
             agreement,
+            precision: Precision::Extended,
+            first_disagreement: first,
+        })
+    }
+
+    /// Whether rounding in doubles may come to such a difference: what measurements tell `told`
+    /// times better than the prior leaves, of the digits of what the prior knows, an error of so
+    /// many roundings. A difference beyond that is one of the computations', not of the numbers'.
+    fn digits_are_lost(&self, told: f64, found: &Disagreement) -> bool {
+        /// Roundings that add up in a test.
+        const ROUNDINGS: f64 = 1e3;
+        let noise = self.model.noise_variance.sqrt();
+        let psi = self.model.prior_psi.diagonal().map(|v| v.sqrt() / noise);
+        // A misalignment known exactly is one far below the noise to the filter.
+        let told_of_psi = psi.map(|s| s.max(1.0 / s.max(f64::KNOWN))).max();
+        let rounding = ROUNDINGS * f64::EPSILON * told.max(told_of_psi);
+        // From the size of σ on, nothing is left of it; also where the rows overflow.
+        rounding.is_nan() || rounding >= 1.0 || found.difference <= rounding
+    }
+
+    /// Compares `end` with what the filter comes to in numbers `T`.
+    fn judge<T: Real>(&self, end: &EndCovariance, timeline: &Timeline) -> Result<Judged> {
+        let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
+        let filter = filter::run::<T>(&self.platform, &self.instrument, timeline, &mut |m| {
+            recorder.observe(m);
+        })?;
+        Ok(Judged {
+            convergence: recorder.finish(),
+            agreement: compare(end, &filter, self.model.noise_variance.sqrt()),
         })
     }
 
@@ -444,36 +591,179 @@ fn why_lost(timeline: &Timeline) -> &'static str {
     }
 }
 
-/// The largest relative difference of a σ between two computations of the same covariance;
-/// `noise_arcsec` is that of a measurement.
-fn compare(kernels: &EndCovariance, filter: &EndCovariance, noise_arcsec: f64) -> Result<f64> {
-    let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
-    let mut worst = 0.0_f64;
-    for c in DriftCoefficient::ALL {
-        let (a, b) = (a[c.index()], b[c.index()]);
-        // A coefficient known exactly has σ = 0 in both.
-        let difference = if a == b { 0.0 } else { (a - b).abs() / b };
-        if difference.is_nan() || difference > AGREEMENT {
-            return Err(Error::disagreement(format!(
-                "the dwell kernels and the step-by-step filter give different sigmas ({a:e} and \
-                 {b:e} deg/h); neither is printed as a result"
-            ))
-            .with_key(c.name()));
-        }
-        worst = worst.max(difference);
-    }
+/// The largest relative difference of a σ between two computations of the same covariance, or the
+/// first that is too large; `noise_arcsec` is that of a measurement.
+fn compare(
+    kernels: &EndCovariance,
+    filter: &EndCovariance,
+    noise_arcsec: f64,
+) -> std::result::Result<f64, Disagreement> {
     // A misalignment known exactly is one far below the noise to the filter.
     let least = noise_arcsec * f64::KNOWN / AGREEMENT;
-    let psi = |end: &EndCovariance| end.misalignment_sigma_arcsec();
-    for (a, b) in psi(kernels).iter().zip(psi(filter).iter()) {
-        let difference = (a - b).abs() / b.max(2.0 * least);
-        if difference.is_nan() || difference > AGREEMENT {
-            return Err(Error::disagreement(format!(
-                "the dwell kernels and the step-by-step filter give different sigmas of the \
-                 misalignment ({a:e} and {b:e} arcsec); neither is printed as a result"
-            )));
+    let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
+    let coefficients = DriftCoefficient::ALL.into_iter().map(|c| {
+        let (a, b) = (a[c.index()], b[c.index()]);
+        (Compared::Coefficient(c), a, b, b)
+    });
+    let (psi_a, psi_b) = (
+        kernels.misalignment_sigma_arcsec(),
+        filter.misalignment_sigma_arcsec(),
+    );
+    let misalignment = (0..3).map(|axis| {
+        let (a, b) = (psi_a[axis], psi_b[axis]);
+        (Compared::Misalignment(axis), a, b, b.max(2.0 * least))
+    });
+    let mut worst = 0.0_f64;
+    for (of, kernels, filter, scale) in coefficients.chain(misalignment) {
+        // A coefficient known exactly has σ = 0 in both.
+        let difference = if kernels == filter {
+            0.0
+        } else {
+            (kernels - filter).abs() / scale
+        };
+        worst = worst.max(agreed(of, [kernels, filter, difference], AGREEMENT)?);
+    }
+    for (i, first) in DriftCoefficient::ALL.into_iter().enumerate() {
+        for (j, second) in DriftCoefficient::ALL.into_iter().enumerate().take(i) {
+            if b[i] > 0.0 && b[j] > 0.0 {
+                let of = Compared::Correlation(second, first);
+                let correlation = |end: &EndCovariance| end.coefficients[(i, j)] / (b[i] * b[j]);
+                let (kernels, filter) = (correlation(kernels), correlation(filter));
+                let difference = (kernels - filter).abs();
+                agreed(of, [kernels, filter, difference], CORRELATION_AGREEMENT)?;
+            }
         }
-        worst = worst.max(difference);
     }
     Ok(worst)
+}
+
+/// The difference of what the two computations give, unless it is more than `most`.
+fn agreed(
+    of: Compared,
+    [kernels, filter, difference]: [f64; 3],
+    most: f64,
+) -> std::result::Result<f64, Disagreement> {
+    if difference <= most {
+        return Ok(difference);
+    }
+    Err(Disagreement {
+        of,
+        kernels,
+        filter,
+        difference: if difference.is_nan() {
+            f64::INFINITY
+        } else {
+            difference
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Position;
+    use crate::platform::{AxisValue, GSensitivePrior, PlatformConfig};
+    use crate::schedule::ScheduledPosition;
+
+    fn schedule() -> Schedule {
+        let positions = [
+            ([10.0, 20.0, 30.0], 604.0),
+            ([-80.0, 65.0, 140.0], 1300.0),
+            ([150.0, -40.0, -75.0], 955.0),
+            ([35.0, 110.0, 5.0], 777.0),
+        ];
+        let held = positions.map(|([a, b, c], dwell_s)| {
+            ScheduledPosition::new(Position::from_deg(a, b, c), dwell_s)
+        });
+        Schedule::new(held.into()).unwrap()
+    }
+
+    fn evaluator(slews: bool) -> Evaluator {
+        let mut config = PlatformConfig::default();
+        if slews {
+            config.motion.slew_rate_deg_per_s = Some(0.7);
+            config.motion.measure_moves = true;
+        }
+        Evaluator::new(config.check().unwrap(), Objective::default())
+    }
+
+    fn refused(instrument: Instrument) -> Error {
+        let found = evaluator(false).judged_on(instrument).evaluate(&schedule());
+        let error = found.unwrap_err();
+        assert!(error.is_disagreement(), "{error}");
+        assert!(
+            evaluator(true)
+                .judged_on(instrument)
+                .evaluate(&schedule())
+                .unwrap_err()
+                .is_disagreement()
+        );
+        error
+    }
+
+    #[test]
+    fn a_fault_planted_in_the_filter_is_refused_by_name() {
+        let named = |error: &Error| {
+            let all = DriftCoefficient::ALL.map(DriftCoefficient::name);
+            let psi = MISALIGNMENT_NAMES;
+            let mut names = all.iter().chain(&psi);
+            assert!(names.any(|n| error.to_string().contains(n)), "{error}");
+        };
+        for gyro in 0..3 {
+            // A wrong axis: input and output exchanged, or the spin axis along the input axis.
+            let mut wrong = Instrument::PAPER;
+            wrong.axes[gyro].swap(0, 1);
+            named(&refused(wrong));
+            let mut wrong = Instrument::PAPER;
+            wrong.axes[gyro][2] = wrong.axes[gyro][0];
+            named(&refused(wrong));
+            // The sign of one coefficient: σ does not know it, correlations do.
+            for kind in 0..3 {
+                let mut wrong = Instrument::PAPER;
+                wrong.axes[gyro][kind] = wrong.axes[gyro][kind].map(|v| -v);
+                let error = refused(wrong).to_string();
+                let coefficient = DriftCoefficient::ALL[3 * (1 + kind) + gyro].name();
+                assert!(error.contains(coefficient), "{coefficient}: {error}");
+            }
+        }
+        // The order of the turns.
+        named(&refused(Instrument {
+            turns: [2, 1, 0],
+            ..Instrument::PAPER
+        }));
+        // A measurement at the end of a rest that is shorter than a period.
+        named(&refused(Instrument {
+            split: |duration_s, period_s| ((duration_s / period_s).ceil() as usize, 0.0),
+            ..Instrument::PAPER
+        }));
+        // A period too few.
+        named(&refused(Instrument {
+            split: |duration_s, period_s| {
+                let periods = ((duration_s / period_s) as usize).saturating_sub(1);
+                (periods, duration_s - periods as f64 * period_s)
+            },
+            ..Instrument::PAPER
+        }));
+    }
+
+    #[test]
+    fn a_fault_is_not_taken_for_lost_digits_nor_hidden_by_them() {
+        for sigma in [1e2, 1e6, 1e10] {
+            let mut config = PlatformConfig::default();
+            config.prior.constant_drift_deg_per_h = AxisValue::All(sigma);
+            config.prior.g_sensitive_drift_deg_per_h_per_g =
+                GSensitivePrior::All(AxisValue::All(sigma));
+            let evaluator = || Evaluator::new(config.check().unwrap(), Objective::default());
+            let right = evaluator().evaluate(&schedule()).unwrap();
+            assert_eq!(
+                right.precision == Precision::Extended,
+                sigma > 1e5,
+                "{sigma:e}"
+            );
+            let mut wrong = Instrument::PAPER;
+            wrong.axes[1].swap(0, 1);
+            let found = evaluator().judged_on(wrong).evaluate(&schedule());
+            assert!(found.unwrap_err().is_disagreement(), "{sigma:e}");
+        }
+    }
 }

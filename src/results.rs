@@ -24,11 +24,12 @@ use serde::{Deserialize, Serialize};
 use crate::baseline::Baseline;
 use crate::certificate::Certifier;
 use crate::config::StudyConfig;
+use crate::covariance::Precision;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
-use crate::evaluate::{Evaluation, Objective, Score};
+use crate::evaluate::{Disagreement, Evaluation, MISALIGNMENT_NAMES, Objective, Score};
 use crate::observability::{Observability, Unobservable};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
@@ -61,7 +62,6 @@ pub const RESULT_SCHEMA: &str = "scheme-opt/result/1";
 pub const TOOL_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Names of the misalignment components about North, Up and East.
-const MISALIGNMENT_NAMES: [&str; 3] = ["psi_nx", "psi_ny", "psi_nz"];
 
 /// The inputs of a run: the study as resolved, and which of its keys nobody gave.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,6 +111,13 @@ pub struct EvaluationDocument {
     pub convergence: ConvergenceRecord,
     /// Largest relative difference of a σ between the dwell kernels and the step-by-step filter.
     pub agreement: f64,
+    /// The numbers that gave the covariance: 16 digits, or 32 where measurements tell so much more
+    /// than the prior that 16 are too few.
+    #[serde(default)]
+    pub precision: PrecisionRecord,
+    /// Where the two computations differed in 16 digits, before both were repeated in 32.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_disagreement: Option<DisagreementRecord>,
     /// The schedule evaluated.
     pub schedule: ScheduleDocument,
     /// The study as resolved.
@@ -120,6 +127,55 @@ pub struct EvaluationDocument {
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<WarningRecord>,
+}
+
+/// The numbers that a covariance was worked out in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum PrecisionRecord {
+    /// 16 digits.
+    #[default]
+    Double,
+    /// 32 digits.
+    Extended,
+}
+
+impl From<Precision> for PrecisionRecord {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::Double => Self::Double,
+            Precision::Extended => Self::Extended,
+        }
+    }
+}
+
+/// Where the two computations of a number differed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct DisagreementRecord {
+    /// `D_FX` … `D_SZ`, `psi_nx` …: σ of it; two names: their correlation.
+    pub name: String,
+    /// `deg/h`, `arcsec`, or `1` for a correlation.
+    pub unit: String,
+    /// By the dwell kernels; null when it is not finite.
+    pub kernels: Option<f64>,
+    /// By the step-by-step filter; null when it is not finite.
+    pub filter: Option<f64>,
+    /// Their difference, of a σ relative to it; null when it is not finite.
+    pub difference: Option<f64>,
+}
+
+impl From<&Disagreement> for DisagreementRecord {
+    fn from(found: &Disagreement) -> Self {
+        Self {
+            name: found.of.name(),
+            unit: found.of.unit().to_owned(),
+            kernels: finite(found.kernels),
+            filter: finite(found.filter),
+            difference: finite(found.difference),
+        }
+    }
 }
 
 /// The score: value = covariance_part + separability_part, lower is better.
@@ -394,6 +450,11 @@ impl EvaluationDocument {
             observability: ObservabilityRecord::from(&evaluation.observability),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,
+            precision: evaluation.precision.into(),
+            first_disagreement: evaluation
+                .first_disagreement
+                .as_ref()
+                .map(DisagreementRecord::from),
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),

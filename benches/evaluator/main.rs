@@ -23,21 +23,17 @@ mod ratios;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use scheme_opt::internals::attitude::{Attitude, Position};
-use scheme_opt::internals::covariance::reference::step_by_step;
-use scheme_opt::internals::covariance::{CovarianceModel, DwellSequence, TickRule};
+use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::covariance::filter::step_by_step;
+use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};
-use scheme_opt::internals::drift::CoefficientVector;
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::platform::{Platform, PlatformConfig};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
-/// Operations per schedule of twelve known dwells, in a lane: `the_work_of_a_schedule_is_what_it_was`.
-const OPERATIONS: f64 = 8017.0;
-
 fn main() {
     if std::env::args().any(|arg| arg == "--ratios") {
-        ratios::print(OPERATIONS);
+        ratios::print();
     } else {
         divan::main();
     }
@@ -49,8 +45,6 @@ const COUNTS: [usize; 4] = [8, 12, 24, 48];
 const TOTAL_S: f64 = 12_000.0;
 /// Schedules in a batch.
 const BATCH: usize = 64;
-/// The same where the dwells are known beforehand.
-const MANY: usize = 512;
 
 /// What the schedules of a case have.
 #[derive(Clone, Copy)]
@@ -123,10 +117,11 @@ impl Case {
 fn bench_value(bencher: Bencher<'_, '_>, case: Case) {
     let (model, timeline) = (case.model(), case.timeline(0));
     bencher.counter(ItemsCount::new(1_usize)).bench(|| {
-        let end = model
-            .end_covariance_by_gram(black_box(&timeline), TickRule::Relaxed)
-            .unwrap();
-        end.coefficients.trace()
+        model
+            .value(black_box(&timeline), TickRule::Relaxed, |p| {
+                Criterion::rms().log(p, Smoothing::Exact)
+            })
+            .unwrap()
     });
 }
 
@@ -148,10 +143,11 @@ fn batch(case: Case) -> (CovarianceModel, Vec<Timeline>) {
 
 fn bench_batch_value(bencher: Bencher<'_, '_>, case: Case) {
     let (model, timelines) = batch(case);
-    let weights = CoefficientVector::repeat(1.0);
-    bencher
-        .counter(ItemsCount::new(BATCH))
-        .bench(|| model.weighted_traces(black_box(&timelines), TickRule::Relaxed, &weights));
+    bencher.counter(ItemsCount::new(BATCH)).bench(|| {
+        model.values(black_box(&timelines), TickRule::Relaxed, |p| {
+            Criterion::rms().log(p, Smoothing::Exact)
+        })
+    });
 }
 
 fn bench_batch_gradient(bencher: Bencher<'_, '_>, case: Case) {
@@ -203,54 +199,6 @@ fn batch_value(bencher: Bencher<'_, '_>, count: usize) {
     bench_batch_value(bencher, Case::whole(count));
 }
 
-/// The dwells of a case, known beforehand, and the attitudes of its schedules.
-fn known_dwells(case: Case, lanes: usize) -> (DwellSequence, Vec<Vec<Attitude>>) {
-    let model = case.model().with_most_lanes(lanes);
-    let timelines: Vec<Timeline> = (0..MANY).map(|i| case.timeline(i)).collect();
-    let dwells = model.dwell_sequence(&timelines[0], TickRule::Relaxed);
-    let attitudes = |t: &Timeline| t.legs().iter().map(|l| l.attitude).collect();
-    (dwells.unwrap(), timelines.iter().map(attitudes).collect())
-}
-
-fn bench_known_batch(bencher: Bencher<'_, '_>, count: usize, lanes: usize) {
-    let (dwells, attitudes) = known_dwells(Case::whole(count), lanes);
-    let all: Vec<&[Attitude]> = attitudes.iter().map(Vec::as_slice).collect();
-    let weights = CoefficientVector::repeat(1.0);
-    bencher
-        .counter(ItemsCount::new(MANY))
-        .bench(|| dwells.weighted_traces(black_box(&all), &weights));
-}
-
-/// One schedule whose durations are known beforehand.
-#[divan::bench(args = COUNTS)]
-fn known_dwells_value(bencher: Bencher<'_, '_>, count: usize) {
-    let (dwells, attitudes) = known_dwells(Case::whole(count), 1);
-    let weights = CoefficientVector::repeat(1.0);
-    bencher
-        .counter(ItemsCount::new(1_usize))
-        .bench(|| dwells.weighted_trace(black_box(&attitudes[0]), &weights));
-}
-
-/// Several schedules whose durations are known beforehand, on the widest registers there are.
-#[divan::bench(args = COUNTS)]
-fn known_dwells_batch(bencher: Bencher<'_, '_>, count: usize) {
-    bench_known_batch(bencher, count, 8);
-}
-
-/// The same on AVX2 or what comes nearest.
-#[divan::bench(args = COUNTS)]
-fn known_dwells_batch_four_lanes(bencher: Bencher<'_, '_>, count: usize) {
-    bench_known_batch(bencher, count, 4);
-}
-
-/// What the dwells cost beforehand.
-#[divan::bench(args = COUNTS)]
-fn knowing_dwells(bencher: Bencher<'_, '_>, count: usize) {
-    let case = Case::whole(count);
-    let (model, timeline) = (case.model(), case.timeline(0));
-    bencher.bench(|| model.dwell_sequence(black_box(&timeline), TickRule::Relaxed));
-}
-
 #[divan::bench(args = COUNTS)]
 fn batch_value_relaxed(bencher: Bencher<'_, '_>, count: usize) {
     bench_batch_value(bencher, Case::relaxed(count));
@@ -287,12 +235,6 @@ fn square_root_filter(bencher: Bencher<'_, '_>, count: usize) {
     bencher
         .counter(ItemsCount::new(1_usize))
         .bench(|| step_by_step(&platform, black_box(&timeline), &mut |_| {}).unwrap());
-}
-
-/// Many values at once on all threads: the rate per thread should be that of one.
-#[divan::bench(threads = [1, 2])]
-fn known_dwells_batch_threads(bencher: Bencher<'_, '_>) {
-    bench_known_batch(bencher, 12, 8);
 }
 
 #[divan::bench]

@@ -4,11 +4,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use scheme_opt::internals::attitude::Attitude;
-use scheme_opt::internals::covariance::TickRule;
-use scheme_opt::internals::drift::CoefficientVector;
+use scheme_opt::internals::covariance::{CoefficientCovariance, TickRule};
+use scheme_opt::internals::criterion::{Criterion, Smoothing};
 
-use crate::{Case, MANY, known_dwells, naive};
+use crate::{Case, batch, naive};
 
 /// Rounds in which everything is measured once.
 const ROUNDS: usize = 300;
@@ -25,72 +24,50 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Prints the median over the rounds of what each takes for K = 12, its ratio to the filter, and
-/// its share of the peak rate at `operations` per schedule.
-pub fn print(operations: f64) {
-    let case = Case::whole(12);
+/// Prints the median over the rounds of what a search computes, K = 12 with the dwells that it
+/// has, and its ratio to the filter.
+pub fn print() {
+    let case = Case::relaxed(12);
     let (platform, model, timeline) = (case.platform(), case.model(), case.timeline(0));
-    let weights = CoefficientVector::repeat(1.0);
-    let known = [8, 4].map(|lanes| known_dwells(case, lanes));
-    let batch = |(dwells, attitudes): &(_, Vec<Vec<Attitude>>)| {
-        let dwells: &scheme_opt::internals::covariance::DwellSequence = dwells;
-        let all: Vec<&[Attitude]> = attitudes.iter().map(Vec::as_slice).collect();
-        time(|| dwells.weighted_traces(black_box(&all), &weights)) / MANY as f64
-    };
-    let one = |(dwells, attitudes): &(
-        scheme_opt::internals::covariance::DwellSequence,
-        Vec<Vec<_>>,
-    )| {
-        let run = || {
-            for attitudes in attitudes {
-                let _ = black_box(dwells.weighted_trace(black_box(attitudes), &weights));
-            }
-        };
-        time(run) / MANY as f64
-    };
-    let value = || {
-        let run = || {
-            for _ in 0..100 {
-                let end = model.end_covariance_by_gram(black_box(&timeline), TickRule::Relaxed);
-                let _ = black_box(end);
-            }
-        };
-        time(run) / 100.0
-    };
-    let peak = || {
-        let run = || {
-            for _ in 0..20 {
-                black_box(naive::peak_fma(black_box(1e-3)));
-            }
-        };
-        time(run) / (20 * naive::PEAK_ITEMS * naive::lanes()) as f64
-    };
-    let names = [
-        "value",
-        "value, dwells known",
-        "batch, dwells known, widest registers",
-        "batch, dwells known, four lanes",
+    let (_, timelines) = batch(case);
+    let many = timelines.len() as f64;
+    let rule = TickRule::Relaxed;
+    let log = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
+    let slope =
+        |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+    let repeated = |work: &dyn Fn()| time(|| (0..50).for_each(|_| work())) / 50.0;
+    let once: [(&str, &dyn Fn() -> f64); 4] = [
+        ("value", &|| {
+            repeated(&|| {
+                let _ = black_box(model.value(black_box(&timeline), rule, log));
+            })
+        }),
+        ("gradient", &|| {
+            repeated(&|| {
+                let _ = black_box(model.gradient(black_box(&timeline), rule, slope));
+            })
+        }),
+        ("value in lanes", &|| {
+            time(|| model.values(black_box(&timelines), rule, log)) / many
+        }),
+        ("gradient in lanes", &|| {
+            time(|| model.gradients(black_box(&timelines), rule, slope)) / many
+        }),
     ];
-    let (mut filter, mut taken, mut ratios, mut shares) = (
-        Vec::new(),
-        [(); 4].map(|()| Vec::new()),
-        [(); 4].map(|()| Vec::new()),
-        Vec::new(),
-    );
+    let mut filter = Vec::new();
+    let mut taken = [(); 4].map(|()| (Vec::new(), Vec::new()));
     for _ in 0..ROUNDS {
         let naive_s = time(|| naive::covariance_trace(&platform, black_box(&timeline)));
-        let all = [value(), one(&known[0]), batch(&known[0]), batch(&known[1])];
-        for (i, s) in all.into_iter().enumerate() {
-            taken[i].push(s);
-            ratios[i].push(naive_s / s);
+        for ((_, work), (times, ratios)) in once.iter().zip(&mut taken) {
+            let s = work();
+            times.push(s);
+            ratios.push(naive_s / s);
         }
-        shares.push(operations * peak() / all[2]);
         filter.push(naive_s);
     }
     println!("step-by-step filter: {:.0} µs", 1e6 * median(filter));
-    for (name, (taken, ratio)) in names.iter().zip(taken.into_iter().zip(ratios)) {
-        let (taken, ratio) = (1e6 * median(taken), median(ratio));
+    for ((name, _), (times, ratios)) in once.iter().zip(taken) {
+        let (taken, ratio) = (1e6 * median(times), median(ratios));
         println!("{name}: {taken:.3} µs, {ratio:.0} times faster");
     }
-    println!("of the peak rate: {:.0} %", 100.0 * median(shares));
 }

@@ -4,7 +4,7 @@ use crate::motion::Timeline;
 use crate::platform::Platform;
 use crate::report::numbers::{number, seconds};
 use crate::report::words;
-use crate::results::{EvaluationDocument, ResultDocument};
+use crate::results::{EvaluationDocument, PrecisionRecord, ResultDocument};
 use crate::search::Status;
 
 use super::screen::Screen;
@@ -111,7 +111,7 @@ fn totals(document: &EvaluationDocument) -> String {
          criterion {:<9}{} {}\n\
          score              {}\n\
          total time         {} s, of which {} s moves and settles\n\
-         agreement          {:.0e} between two computations of every sigma\n",
+         agreement          {:.0e} between two computations of every sigma{}\n",
         number(document.rms_sigma_deg_per_h),
         number(document.max_sigma_deg_per_h),
         number(document.max_eig_sigma_deg_per_h),
@@ -123,6 +123,10 @@ fn totals(document: &EvaluationDocument) -> String {
         seconds(document.total_time_s),
         seconds(document.overhead_s),
         document.agreement,
+        match document.precision {
+            PrecisionRecord::Double => "",
+            PrecisionRecord::Extended => ", in 32 digits",
+        },
     )
 }
 

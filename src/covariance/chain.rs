@@ -23,11 +23,21 @@ use nalgebra::Matrix3;
 
 use super::rows::Rows;
 use super::small::{condition, square_root, whitener};
-use super::{CovarianceModel, CovarianceRoot, EndCovariance, TickRule, split_periods};
+use super::{CovarianceModel, CovarianceRoot, EndCovariance, Precision, TickRule, split_periods};
 use crate::attitude::{Attitude, EAST, NORTH};
 use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
+
+/// The covariance at the end of a schedule, and what it took.
+pub(crate) struct WithPrecision {
+    pub end: EndCovariance,
+    /// The numbers it was worked out in.
+    pub precision: Precision,
+    /// How many times better than its prior, σ against σ, some combination of coefficients is
+    /// told.
+    pub told: f64,
+}
 
 /// The state of the chain: V, P.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -201,16 +211,34 @@ impl CovarianceModel {
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
     pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
+        Ok(self.end_with_precision(timeline, rule)?.end)
+    }
+
+    /// The same, with the numbers that it took.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::end_covariance`].
+    pub(crate) fn end_with_precision(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+    ) -> Result<WithPrecision> {
         /// Information of 1e-7 of a unit prior: its share of a σ is below 1e-13.
         const MOST_IN_DOUBLES: f64 = 1e9;
         let (mut rows, state) = self.rows(timeline, rule);
-        let largest = rows.largest();
+        let told = rows.largest();
         let root = rows.covariance_root();
-        let lost = root.is_err() || largest > MOST_IN_DOUBLES;
-        if rule == TickRule::Filter && lost {
-            return self.end_covariance_extended(timeline);
-        }
-        Ok(EndCovariance::new(root?, &state))
+        let lost = root.is_err() || told > MOST_IN_DOUBLES;
+        let (end, precision) = match rule == TickRule::Filter && lost {
+            true => (self.end_covariance_extended(timeline)?, Precision::Extended),
+            false => (EndCovariance::new(root?, &state), Precision::Double),
+        };
+        Ok(WithPrecision {
+            end,
+            precision,
+            told,
+        })
     }
 
     fn rows(&self, timeline: &Timeline, rule: TickRule) -> (Rows, State) {

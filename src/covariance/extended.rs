@@ -12,8 +12,8 @@
 
 use nalgebra::Matrix3;
 
-use super::number::{
-    Array, Extended, Number, convert, identity, inverse_of_triangle, product, sin_cos, sum, times,
+use super::real::{
+    Dense, Extended, Real, convert, identity, inverse_of_triangle, product, sin_cos, sum, times,
     transposed, zeros,
 };
 use super::{CovarianceModel, CovarianceRoot, EndCovariance, not_finite, split_periods};
@@ -22,8 +22,8 @@ use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftCoefficient};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
 
-type Square = Array<Extended, 3, 3>;
-type Drive = Array<Extended, 3, COEFFICIENTS>;
+type Square = Dense<Extended, 3, 3>;
+type Drive = Dense<Extended, 3, COEFFICIENTS>;
 
 impl CovarianceModel {
     /// The covariance at the end of `timeline` by the filter's tick rule.
@@ -50,7 +50,7 @@ struct Chain<'a> {
     v: Drive,
     /// G with G Gᵀ = P.
     g: Square,
-    information: Array<Extended, COEFFICIENTS, COEFFICIENTS>,
+    information: Dense<Extended, COEFFICIENTS, COEFFICIENTS>,
     /// Elements of 2^k periods.
     doublings: Vec<Element>,
 }
@@ -215,7 +215,7 @@ impl<'a> Chain<'a> {
 /// The element of n periods, as in [`kernel`](super::kernel).
 #[derive(Clone, Copy)]
 struct Element {
-    w: Array<Extended, 6, 6>,
+    w: Dense<Extended, 6, 6>,
     a_psi: Square,
     a_epsilon: Square,
     u: Square,
@@ -262,10 +262,10 @@ impl Element {
 
     /// This element, then `next`.
     fn then(&self, next: &Self) -> Self {
-        let w2_psi: Array<_, 6, 3> = next.columns(0);
+        let w2_psi: Dense<_, 6, 3> = next.columns(0);
         let seen_psi = product(&w2_psi, &self.a_psi);
         let seen_epsilon = sum(product(&w2_psi, &self.a_epsilon), &next.columns(3));
-        let seen: Array<_, 6, 6> = std::array::from_fn(|i| {
+        let seen: Dense<_, 6, 6> = std::array::from_fn(|i| {
             let (psi, epsilon) = (seen_psi[i], seen_epsilon[i]);
             std::array::from_fn(|j| if j < 3 { psi[j] } else { epsilon[j - 3] })
         });
@@ -278,7 +278,7 @@ impl Element {
             &product(&conditional, &transposed(&shrink)),
             &transposed(&through_noise),
         );
-        let less = |a: &Square, seen: &Array<Extended, 6, 3>| {
+        let less = |a: &Square, seen: &Dense<Extended, 6, 3>| {
             sum(*a, &times(product(&gain, seen), Extended::from(-1.0)))
         };
         let start_psi = less(&self.a_psi, &seen_psi);
@@ -292,7 +292,7 @@ impl Element {
     }
 
     /// Three columns of W.
-    fn columns(&self, first: usize) -> Array<Extended, 6, 3> {
+    fn columns(&self, first: usize) -> Dense<Extended, 6, 3> {
         self.w.map(|row| std::array::from_fn(|j| row[first + j]))
     }
 
@@ -343,7 +343,7 @@ fn drift_matrix(position: Position) -> Drive {
 /// R with RᵀR = Σ rᵀ r over `rows`, by Householder reflections, the largest rows first.
 fn triangle<'a, const N: usize>(
     rows: impl Iterator<Item = &'a [Extended; N]>,
-) -> Array<Extended, N, N> {
+) -> Dense<Extended, N, N> {
     let mut rows: Vec<[Extended; N]> = rows.copied().collect();
     let size = |row: &[Extended; N]| row.iter().fold(0.0_f64, |max, v| max.max(v.0.abs()));
     rows.sort_by(|a, b| size(b).total_cmp(&size(a)));
@@ -384,15 +384,15 @@ fn reflect<const N: usize>(rows: &mut [[Extended; N]], j: usize) {
 }
 
 /// R with RᵀR = I + NᵀN.
-fn one_and<const M: usize, const N: usize>(n: &Array<Extended, M, N>) -> Array<Extended, N, N> {
+fn one_and<const M: usize, const N: usize>(n: &Dense<Extended, M, N>) -> Dense<Extended, N, N> {
     triangle(n.iter().chain(&identity()))
 }
 
 /// R⁻ᵀ b.
 fn solve_transposed<const N: usize, const C: usize>(
-    r: &Array<Extended, N, N>,
-    b: &Array<Extended, N, C>,
-) -> Array<Extended, N, C> {
+    r: &Dense<Extended, N, N>,
+    b: &Dense<Extended, N, C>,
+) -> Dense<Extended, N, C> {
     product(&transposed(&inverse_of_triangle(r)), b)
 }
 

@@ -2,7 +2,7 @@
 //! through the chain, for a few times the cost of one value.
 //!
 //! E is only ever added to, so its adjoint Ē is the same through the whole chain:
-//! `covariance/two_stage/adjoint.rs` has the recursion.
+//! `covariance/fast/adjoint.rs` has the recursion.
 //!
 //! Time enters through the steps without measurement, d/dt (V, P) = (F V + A_end, F P + P Fᵀ +
 //! q I), and through the weight of the relaxed measurement at the end of a remainder. A duration

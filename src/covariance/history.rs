@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::reference::Moment;
+use super::filter::Moment;
 use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::motion::Timeline;
 

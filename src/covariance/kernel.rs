@@ -31,8 +31,8 @@ use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use super::fast::gains::DwellNumbers;
 use super::small::whitener;
-use super::two_stage::gains::DwellNumbers;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::dynamics::ErrorDynamics;
 

@@ -17,7 +17,7 @@
 use nalgebra::Matrix3;
 
 use super::chain::measurement_root;
-use super::incremental::Rest;
+use super::fast::cuts::Rest;
 use super::small::{condition, square_root, whitener};
 use super::{CovarianceModel, split_periods};
 use crate::drift::{CoefficientMatrix, DriftMatrix, times_drift_matrix};

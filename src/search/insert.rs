@@ -16,7 +16,7 @@ use super::table::Table;
 use super::variables::Plan;
 use super::ways::in_deg;
 use crate::attitude::{Attitude, Degrees, Position};
-use crate::covariance::incremental::{Cuts, Insertion};
+use crate::covariance::fast::cuts::{Cuts, Insertion};
 use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
 use crate::drift::drift_matrix;

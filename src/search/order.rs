@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::plan::{Refined, rate, told_apart};
+use super::plan::{Refined, rate};
 use super::variables::Plan;
 use crate::attitude::Position;
 use crate::criterion::Smoothing;
@@ -136,7 +136,7 @@ fn estimated(
     let merits = evaluator.merits_by_covariance(&timelines, smoothing);
     // An order whose merit cannot be computed is no candidate.
     let all = merits.into_iter().zip(plans);
-    all.filter_map(|(merit, plan)| Some((told_apart(merit.ok()?)?, plan)))
+    all.filter_map(|(merit, plan)| Some((merit.ok().filter(|m| m.is_finite())?, plan)))
         .collect()
 }
 

@@ -46,9 +46,3 @@ pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> O
     let merit = context.evaluator.merit(&timeline, smoothing).ok()?;
     merit.is_finite().then_some(Refined { plan, merit })
 }
-
-/// A merit found in lanes, to nine digits after the point, so that what is equal by symmetry is
-/// equal on every machine; none where it is not finite.
-pub(super) fn told_apart(merit: f64) -> Option<f64> {
-    merit.is_finite().then(|| (merit * 1e9).round() * 1e-9)
-}

@@ -15,13 +15,13 @@ use super::allocate::allocate;
 use super::context::Context;
 use super::fit::brought_within;
 use super::insert::{detour_s, price_of_time};
-use super::plan::{Candidate, Refined, rate, told_apart};
+use super::plan::{Candidate, Refined, rate};
 use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::{NanoDegrees, Position, deg_of_rad};
 use crate::covariance::TickRule;
-use crate::covariance::batch::between::Between;
-use crate::covariance::incremental::Cuts;
+use crate::covariance::fast::cuts::Cuts;
+use crate::covariance::fast::several::between::Between;
 use crate::criterion::Smoothing;
 use crate::motion::Timeline;
 use crate::platform::Platform;
@@ -450,8 +450,8 @@ impl<'a> Estimates<'a> {
             });
         let all = merits.into_iter().zip(more_s).zip(places);
         all.filter_map(|((merit, more_s), place)| {
-            let merit = told_apart(merit.ok()? - self.price * more_s)?;
-            Some((merit, *place))
+            let merit = merit.ok()? - self.price * more_s;
+            merit.is_finite().then_some((merit, *place))
         })
         .collect()
     }

@@ -92,19 +92,18 @@ const KINDS: [Kind; 4] = [
 
 #[test]
 fn values_are_those_of_single_schedules() {
-    let weights = CoefficientVector::from_fn(|i, _| 1.0 + i as f64);
     for (seed, kind) in KINDS.into_iter().enumerate() {
         let (model, timelines) = problem(seed as u64, kind);
         for rule in [TickRule::Relaxed, TickRule::Filter] {
-            let traces = model.weighted_traces(&timelines, rule, &weights);
+            let rms = model.values(&timelines, rule, |p| Criterion::rms().value(p));
             let largest = model.values(&timelines, rule, |p| Criterion::E.value(p));
             for (i, timeline) in timelines.iter().enumerate() {
                 let p = model.end_covariance_by_gram(timeline, rule).unwrap();
-                let trace = p.coefficients.diagonal().dot(&weights);
-                let error = (traces[i].as_ref().unwrap() / trace - 1.0).abs();
+                let value = Criterion::rms().value(&p).unwrap();
+                let error = (rms[i].as_ref().unwrap() / value - 1.0).abs();
                 assert!(
                     error < tolerance(kind),
-                    "{kind:?} {rule:?} {i}: trace off by {error:e}"
+                    "{kind:?} {rule:?} {i}: RMS off by {error:e}"
                 );
                 let value = Criterion::E.value(&p).unwrap();
                 let error = (largest[i].as_ref().unwrap() / value - 1.0).abs();
@@ -112,6 +111,29 @@ fn values_are_those_of_single_schedules() {
                     error < tolerance(kind),
                     "{kind:?} {rule:?} {i}: value off by {error:e}"
                 );
+            }
+        }
+    }
+}
+
+/// Whatever shares a group and whatever the lanes.
+#[test]
+fn a_value_depends_on_its_schedule_alone() {
+    for (seed, kind) in KINDS.into_iter().enumerate() {
+        let (mut model, timelines) = problem(20 + seed as u64, kind);
+        for rule in [TickRule::Relaxed, TickRule::Filter] {
+            let merit = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
+            let values = |model: &CovarianceModel, of: &[Timeline]| -> Vec<u64> {
+                let all = model.values(of, rule, merit).into_iter();
+                all.map(|v| v.unwrap().to_bits()).collect()
+            };
+            let known = values(&model, &timelines);
+            for lanes in [1, 4, 8] {
+                model = model.with_most_lanes(lanes);
+                for first in [0, 3, 7] {
+                    let found = values(&model, &timelines[first..first + 9]);
+                    assert_eq!(found, known[first..first + 9], "{kind:?} {lanes} lanes");
+                }
             }
         }
     }

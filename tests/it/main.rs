@@ -13,7 +13,6 @@ mod certificate;
 mod cli;
 mod commands;
 mod dense_filter;
-mod dwell_sequence;
 mod extremes;
 mod fuzz;
 mod gradient;

@@ -2,7 +2,7 @@
 //! weak priors, near-unobservable corners.
 
 use scheme_opt::internals::attitude::Position;
-use scheme_opt::internals::covariance::reference::{step_by_step, step_by_step_extended};
+use scheme_opt::internals::covariance::filter::{step_by_step, step_by_step_extended};
 use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;

@@ -1,7 +1,7 @@
 //! The kernel evaluator and the square-root filter against an independent dense Kalman filter.
 
 use scheme_opt::internals::attitude::Position;
-use scheme_opt::internals::covariance::reference::{Moment, step_by_step};
+use scheme_opt::internals::covariance::filter::{Moment, step_by_step};
 use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::internals::drift::CoefficientVector;
 use scheme_opt::internals::motion::Timeline;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use scheme_opt::internals::attitude::{NORTH, Position};
-use scheme_opt::internals::covariance::reference::step_by_step;
+use scheme_opt::internals::covariance::filter::step_by_step;
 use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::platform::{

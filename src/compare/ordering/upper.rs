@@ -19,7 +19,7 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 use rayon::prelude::*;
 
 use super::tree::{Hops, Roads};
-use crate::covariance::incremental::Rest;
+use crate::covariance::fast::cuts::Rest;
 use crate::covariance::link::{Link, Reached};
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix};
 

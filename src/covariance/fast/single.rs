@@ -7,6 +7,7 @@ use std::cell::RefCell;
 use nalgebra::Matrix3;
 
 use super::adjoint::ByRows;
+use super::arithmetic::{Arithmetic, Row, Single};
 use super::course::{self, Legs, Step, Stretch, Tape};
 use super::dispatch::{self, Task};
 use super::earth::Earth;
@@ -16,7 +17,6 @@ use super::information::{
     to_coefficients,
 };
 use super::moves::{Interval, Turn};
-use super::numbers::{Arithmetic, Row, Single};
 use super::square::{entries, mirrored};
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
@@ -383,7 +383,7 @@ impl CovarianceModel {
         rule: TickRule,
         merit: &mut dyn FnMut(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Result<AtEnd> {
-        dispatch::run::<_, false>(ToEnd {
+        dispatch::run(ToEnd {
             model: self,
             timeline,
             rule,
@@ -432,7 +432,7 @@ impl CovarianceModel {
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
-        let end = dispatch::run::<_, false>(ToEnd {
+        let end = dispatch::run(ToEnd {
             model: self,
             timeline,
             rule,

@@ -8,7 +8,7 @@
 //! T = R V + S,   E_total = E + E' + Tᵀ (I + R P Rᵀ)⁻¹ T,
 //! ```
 //!
-//! the same form as a dwell of the [`chain`](super::chain). Backwards through an interval
+//! the same form as a dwell of the [`chain`](crate::covariance::chain). Backwards through an interval
 //! ψ^n ← Φ ψ^n + B D + ζ, ζ ~ N(0, C), the rows become W (R Φ ψ^n + (R B + S) D) with the whitener
 //! W of I + R C Rᵀ; through a measurement they are stacked with its rows and triangularised in
 //! ψ^n, and what is left without ψ^n goes to E'.
@@ -21,12 +21,14 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, SMatrix};
 
-use super::batch::between::Between;
-use super::chain::{InformationSink, Measured, Passage, Recorder, State, Step, measurement_root};
-use super::rows::{Rows, Told, Whitened};
-use super::small::{square_root, whitener};
-use super::{CoefficientCovariance, CovarianceModel, Rooted, Slope, TickRule};
+use super::several::between::Between;
 use crate::attitude::{EAST, NORTH};
+use crate::covariance::chain::{
+    InformationSink, Measured, Passage, Recorder, State, Step, measurement_root,
+};
+use crate::covariance::rows::{Rows, Told, Whitened};
+use crate::covariance::small::{square_root, whitener};
+use crate::covariance::{CoefficientCovariance, CovarianceModel, Rooted, Slope, TickRule};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Timeline};

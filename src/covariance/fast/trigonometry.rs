@@ -5,7 +5,7 @@
 //! about one unit in the last place up to |x| of some 1e5; no angle or Earth rotation of a test
 //! comes near that.
 
-use super::numbers::Number;
+use super::arithmetic::Number;
 
 /// π/2 in parts of 33 bits.
 const HALF_PI: [f64; 3] = [

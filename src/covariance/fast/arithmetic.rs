@@ -8,9 +8,9 @@
 //! | [`Packed`] | `f64` | one 256-bit register | one schedule, AVX2 or AVX-512 |
 //! | [`Lanes`] | a register, one lane per schedule | array of registers | many schedules |
 //!
-//! `Plain` and `Packed` do the same operations in the same order and never fuse a product with a
-//! sum, so one schedule has the same bits on every machine. `Lanes` fuses, which is where half of
-//! a core's arithmetic is; it agrees with the others to rounding.
+//! All of them do the same operations in the same order and never fuse a product with a sum, so a
+//! schedule has the same bits on every machine, alone and in a lane: a search makes the same
+//! choices wherever it runs.
 //!
 //! Everything here is `inline(always)`, and there are no closures on the way: a function compiled
 //! on its own would not know the instruction set that its caller was dispatched to.
@@ -161,9 +161,6 @@ pub(crate) trait Arithmetic: Copy + Debug {
     /// How often a sum over the nodes goes over them: a pass visits every fourth of them or, where a
     /// [`Arithmetic::Node`] is four nodes, all.
     const PASSES: usize;
-    /// Whether four quads fit into registers with room to work: one schedule has a quad in a
-    /// register; of lanes, AVX-512 has thirty-two registers and the others sixteen.
-    const MANY_REGISTERS: bool;
 
     /// A constant.
     fn number(self, value: f64) -> Self::Number;
@@ -172,8 +169,6 @@ pub(crate) trait Arithmetic: Copy + Debug {
     fn apart<W: Work>(self, work: W) -> W::Output {
         work.run()
     }
-    /// The first of `values`, or one in each lane.
-    fn load(self, values: &[f64; MOST_LANES]) -> Self::Number;
     /// A row of three.
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple;
     /// A row of three constants; the fourth is padding, zero.
@@ -219,9 +214,9 @@ impl Number for f64 {
 
 /// A row as an array.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Array<L, const N: usize>(pub [L; N]);
+pub(crate) struct InArray<L, const N: usize>(pub [L; N]);
 
-impl<L: Number, const N: usize> Row for Array<L, N> {
+impl<L: Number, const N: usize> Row for InArray<L, N> {
     type Number = L;
     #[inline(always)]
     fn get(self, i: usize) -> L {
@@ -286,32 +281,27 @@ pub(crate) struct Plain;
 
 impl Arithmetic for Plain {
     type Number = f64;
-    type Triple = Array<f64, 3>;
-    type Quad = Array<f64, 4>;
+    type Triple = InArray<f64, 3>;
+    type Quad = InArray<f64, 4>;
     type Node = Four;
     type Panels = Panels;
     const PASSES: usize = 1;
-    const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
         value
     }
     #[inline(always)]
-    fn load(self, values: &[f64; MOST_LANES]) -> f64 {
-        values[0]
-    }
-    #[inline(always)]
     fn triple(self, entries: [f64; 3]) -> Self::Triple {
-        Array(entries)
+        InArray(entries)
     }
     #[inline(always)]
     fn constants(self, padded: &[f64; 4]) -> Self::Triple {
-        Array([padded[0], padded[1], padded[2]])
+        InArray([padded[0], padded[1], padded[2]])
     }
     #[inline(always)]
     fn quad(self, entries: [f64; 4]) -> Self::Quad {
-        Array(entries)
+        InArray(entries)
     }
     #[inline(always)]
     fn at_nodes(self, value: f64) -> Four {
@@ -418,15 +408,15 @@ impl Alignment for Align64 {}
 pub(crate) struct Align32;
 impl Alignment for Align32 {}
 
-/// A register of `S`, one number per lane. With `FUSED`, products and sums round once.
+/// A register of `S`, one number per lane.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Register<S: Simd, const FUSED: bool, L: Alignment> {
+pub(crate) struct Register<S: Simd, L: Alignment> {
     simd: S,
     lanes: S::f64s,
     _alignment: [L; 0],
 }
 
-impl<S: Simd, const FUSED: bool, L: Alignment> Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Register<S, L> {
     /// From a register.
     #[inline(always)]
     pub fn new(simd: S, lanes: S::f64s) -> Self {
@@ -455,56 +445,50 @@ impl<S: Simd, const FUSED: bool, L: Alignment> Register<S, FUSED, L> {
     }
 }
 
-impl<S: Simd, const FUSED: bool, L: Alignment> Add for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Add for Register<S, L> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.like(self.simd.add_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool, L: Alignment> Sub for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Sub for Register<S, L> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.like(self.simd.sub_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool, L: Alignment> Mul for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Mul for Register<S, L> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.like(self.simd.mul_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool, L: Alignment> Div for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Div for Register<S, L> {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         self.like(self.simd.div_f64s(self.lanes, other.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool, L: Alignment> Neg for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Neg for Register<S, L> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         self.like(self.simd.neg_f64s(self.lanes))
     }
 }
-impl<S: Simd, const FUSED: bool, L: Alignment> Number for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Number for Register<S, L> {
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         self.like(self.simd.splat_f64s(value))
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        if FUSED {
-            let lanes = self
-                .simd
-                .mul_add_e_f64s(self.lanes, factor.lanes, term.lanes);
-            self.like(lanes)
-        } else {
-            self * factor + term
-        }
+        // Two roundings, as in plain numbers.
+        self * factor + term
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -518,7 +502,7 @@ impl<S: Simd, const FUSED: bool, L: Alignment> Number for Register<S, FUSED, L> 
 }
 
 /// A row of three or four `f64` in one register of four.
-impl<S: Simd, const FUSED: bool, L: Alignment> Row for Register<S, FUSED, L> {
+impl<S: Simd, L: Alignment> Row for Register<S, L> {
     type Number = f64;
     #[inline(always)]
     fn get(self, i: usize) -> f64 {
@@ -555,27 +539,21 @@ impl<S: Simd, const FUSED: bool, L: Alignment> Row for Register<S, FUSED, L> {
     }
 }
 
-/// One schedule with rows in the 256-bit registers of `S`. With `FUSED`, products and sums of rows
-/// round once.
+/// One schedule with rows in the 256-bit registers of `S`.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Packed<S, const FUSED: bool>(pub S);
+pub(crate) struct Packed<S>(pub S);
 
-impl<S: Simd, const FUSED: bool> Arithmetic for Packed<S, FUSED> {
+impl<S: Simd> Arithmetic for Packed<S> {
     type Number = f64;
-    type Triple = Register<S, FUSED, Align32>;
-    type Quad = Register<S, FUSED, Align32>;
-    type Node = Register<S, FUSED, Align32>;
+    type Triple = Register<S, Align32>;
+    type Quad = Register<S, Align32>;
+    type Node = Register<S, Align32>;
     type Panels = Panels;
     const PASSES: usize = 1;
-    const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
         value
-    }
-    #[inline(always)]
-    fn load(self, values: &[f64; MOST_LANES]) -> f64 {
-        values[0]
     }
     #[inline(always)]
     fn triple(self, entries: [f64; 3]) -> Self::Triple {

@@ -6,12 +6,12 @@
 //! that another has takes it with length and weight zero, which changes nothing.
 
 use super::adjoint::{DWELL_ROWS, InformationAdjoint, MEASURED_ROWS, Sweep};
+use super::arithmetic::{Arithmetic, Work, three};
 use super::earth::{Earth, Passed};
 use super::gains::{DwellKernel, Gains, Seen};
 use super::moves::{Interval, Turn, drift_integral, drift_integral_adjoint};
-use super::numbers::{Arithmetic, Work, three};
 use super::square::{Entries, Square, entries, product, rows, transpose};
-use super::{Chain, DwellStep, MeasureStep, Place, Wide};
+use super::{Carried, DwellStep, MeasureStep, Place, Wide};
 use crate::covariance::gradient::LegGradient;
 
 /// An interval of a move without a measurement in it.
@@ -121,7 +121,7 @@ struct Forward<'a, A: Arithmetic, L, G> {
     earth: &'a Earth<A::Number>,
     gains: &'a mut G,
     tape: &'a mut Tape<A>,
-    chain: Chain<A>,
+    chain: Carried<A>,
 }
 
 /// Parts of a leg.
@@ -228,8 +228,8 @@ pub(crate) fn forward<A: Arithmetic>(
     earth: &Earth<A::Number>,
     gains: &mut impl Gains<A>,
     tape: &mut Tape<A>,
-) -> Chain<A> {
-    forward_from(ar, legs, earth, gains, tape, (Chain::new(ar), None))
+) -> Carried<A> {
+    forward_from(ar, legs, earth, gains, tape, (Carried::new(ar), None))
 }
 
 /// Runs the chain on over the legs, `from` where it is and the place it is at.
@@ -240,8 +240,8 @@ pub(crate) fn forward_from<A: Arithmetic>(
     earth: &Earth<A::Number>,
     gains: &mut impl Gains<A>,
     tape: &mut Tape<A>,
-    from: (Chain<A>, Option<Place<A>>),
-) -> Chain<A> {
+    from: (Carried<A>, Option<Place<A>>),
+) -> Carried<A> {
     let (chain, mut previous) = from;
     let mut forward = Forward {
         ar,

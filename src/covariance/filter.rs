@@ -20,24 +20,35 @@
 //! coefficient known exactly has s = 0: its column is zero, and it stays known. A misalignment
 //! known exactly is one known to 1e-9 of the noise of a measurement.
 //!
-//! It shares no numerics with the [`chain`](super::chain): Φ and Γ come from a Taylor series,
-//! moves from Runge–Kutta steps, the drift from the platform-frame equations (3) turned into n;
-//! and it knows nothing of dwells, of gains, or of covariance.
-//! Agreement of the two to 1e-6 is therefore evidence for both.
+//! # What it shares with the kernels, and what not
+//!
+//! Of its own are: the attitude, as the product of three turns, with its own sines; the gyros, by
+//! their input, output and spin axes in (3); whole filter periods ([`instrument`]); Φ and Γ, by a
+//! Taylor series; the drift integral of a move, by Runge–Kutta steps; every factorisation, faer's.
+//! It knows nothing of dwells, of gains, or of covariance. Shared with the
+//! [`chain`](super::chain) are:
+//!
+//! - the [`Timeline`]: which way a move takes, how long it takes, when settling and dwells are;
+//! - the [`Platform`] in SI, the Earth rate in n, and the units (arcsec, °/h) of the states;
+//! - the equations themselves, (2), (3), (9), and the rule for when the filter measures;
+//! - the type of number with 32 digits, and products and sums of small matrices of it.
+//!
+//! Agreement of the two to 1e-6 is evidence for all but these.
 
 mod elimination;
+pub(crate) mod instrument;
 mod transition;
 
 use nalgebra::Matrix3;
 
 use elimination::{DriftInformation, Elimination};
-use transition::{drift_columns, runge_kutta_integral, taylor_transition};
+use instrument::Instrument;
+use transition::{runge_kutta_integral, taylor_transition};
 
-use super::number::{
-    Array, Extended, Number, convert, identity, inverse_of_triangle, product, sum, transposed,
-    zeros,
+use super::real::{
+    Dense, Extended, Real, convert, identity, inverse_of_triangle, product, sum, transposed, zeros,
 };
-use super::{CovarianceRoot, EndCovariance, split_periods};
+use super::{CovarianceRoot, EndCovariance};
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
@@ -78,7 +89,7 @@ pub fn step_by_step(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    run::<f64>(platform, timeline, observe)
+    run::<f64>(platform, &Instrument::PAPER, timeline, observe)
 }
 
 /// The same in numbers of 32 digits, some thirty times slower: for weak priors beside strong
@@ -92,22 +103,25 @@ pub fn step_by_step_extended(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    run::<Extended>(platform, timeline, observe)
+    run::<Extended>(platform, &Instrument::PAPER, timeline, observe)
 }
 
-fn run<T: Number>(
+/// The filter in numbers `T`, on what it is told the instrument is.
+pub(crate) fn run<T: Real>(
     platform: &Platform,
+    instrument: &Instrument,
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    let mut filter = SquareRootFilter::<T>::new(platform);
+    let mut filter = SquareRootFilter::<T>::new(platform, instrument);
     filter.report(observe);
     for (index, leg) in timeline.legs().iter().enumerate() {
         filter.leg = index;
         if let Some(arrival) = &leg.arrival {
             if platform.motion.repositioning == Repositioning::FrameHold {
-                let previous = T::attitude(timeline.legs()[index - 1].position);
-                let turn = product(&T::attitude(leg.position), &transposed(&previous));
+                let previous = instrument.attitude::<T>(timeline.legs()[index - 1].position);
+                let here = instrument.attitude::<T>(leg.position);
+                let turn = product(&here, &transposed(&previous));
                 filter.rotate(&turn);
             } else {
                 filter.reposition(arrival, observe);
@@ -127,8 +141,9 @@ enum Drift<'a> {
     Moving(&'a Move),
 }
 
-struct SquareRootFilter<'a, T: Number> {
+struct SquareRootFilter<'a, T: Real> {
     platform: &'a Platform,
+    instrument: &'a Instrument,
     /// q, arcsec²/s.
     drift_psd: f64,
     /// r, arcsec.
@@ -148,10 +163,10 @@ struct SquareRootFilter<'a, T: Number> {
 }
 
 /// Φ and B of an interval.
-type Transition<T> = (Array<T, 3, 3>, Array<T, 3, COEFFICIENTS>);
+type Transition<T> = (Dense<T, 3, 3>, Dense<T, 3, COEFFICIENTS>);
 
-impl<'a, T: Number> SquareRootFilter<'a, T> {
-    fn new(platform: &'a Platform) -> Self {
+impl<'a, T: Real> SquareRootFilter<'a, T> {
+    fn new(platform: &'a Platform, instrument: &'a Instrument) -> Self {
         let noise = Angle::from_rad(platform.noise_g).arcsec();
         let mut misalignment = [[T::from(0.0); STATES]; 3];
         for (i, axis) in ORDER.into_iter().enumerate() {
@@ -160,6 +175,7 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
         }
         Self {
             platform,
+            instrument,
             drift_psd: platform.drift_psd * ARCSEC_PER_RAD.powi(2),
             noise,
             prior_sigma: platform
@@ -193,7 +209,7 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
         }
         let period = self.platform.period_s;
         let (ticks, remainder) = match measured {
-            true => split_periods(duration_s, period),
+            true => (self.instrument.split)(duration_s, period),
             false => (0, duration_s),
         };
         for tick in 0..ticks {
@@ -223,12 +239,15 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
                     return transition;
                 }
                 let (phi, gamma) = taylor_transition(&earth, length_s);
-                let transition = (phi, product(&gamma, &drift_columns(position)));
+                let transition = (
+                    phi,
+                    product(&gamma, &self.instrument.drift_columns(position)),
+                );
                 self.cached = Some((position, length_s, transition));
                 transition
             }
             Drift::Moving(m) => {
-                let b = runge_kutta_integral(&earth, m, start_s, length_s);
+                let b = runge_kutta_integral(self.instrument, &earth, m, (start_s, length_s));
                 let (phi, _) = taylor_transition(&earth, length_s);
                 (phi, convert(|i, j| b[i][j]))
             }
@@ -248,7 +267,7 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
     }
 
     /// ψ^n ← Φ ψ^n + B D.
-    fn propagate(&mut self, phi: &Array<T, 3, 3>, b: &Array<T, 3, COEFFICIENTS>) {
+    fn propagate(&mut self, phi: &Dense<T, 3, 3>, b: &Dense<T, 3, COEFFICIENTS>) {
         // F is skew, so Φ is a rotation.
         self.rotate(phi);
         let in_order = ORDER.map(|axis| b[axis]);
@@ -298,7 +317,7 @@ impl<'a, T: Number> SquareRootFilter<'a, T> {
     }
 
     /// ψ^n ← Q ψ^n.
-    fn rotate(&mut self, q: &Array<T, 3, 3>) {
+    fn rotate(&mut self, q: &Dense<T, 3, 3>) {
         for row in &mut self.misalignment {
             let turned: [T; 3] = ORDER.map(|to| {
                 let parts = ORDER.iter().zip(&*row).map(|(&from, v)| *v * q[to][from]);

@@ -1,30 +1,25 @@
 //! Gradients of many schedules at once, each with the bits of its schedule alone.
 //!
 //! A search that refines several plans side by side takes its steps from what is found here, and
-//! a step that differs by a rounding leads elsewhere in the end. So these lanes do not fuse
-//! products and sums, and every lane does the operations of [`single`](super::super::two_stage::single)
-//! in its order: what a schedule gives depends neither on the schedules beside it nor on the
-//! instruction set. The time is in the tape's memory, not in the arithmetic: fusing would gain
-//! nothing.
+//! a step that differs by a rounding leads elsewhere in the end. The time is in the tape's memory,
+//! not in the arithmetic.
 
 use pulp::Simd;
 
 use super::{Batch, Covariance, Factorise, Group, OfLane, keeps_digits_in};
-use crate::covariance::gradient::LegGradient;
-use crate::covariance::two_stage::course::{self, LegAdjoint, Legs, Tape};
-use crate::covariance::two_stage::dispatch::{LaneTask, lanes, run_in_lanes};
-use crate::covariance::two_stage::earth::Earth;
-use crate::covariance::two_stage::gains::Own;
-use crate::covariance::two_stage::information::{
-    Factor, PLACES, Rows, by_gyros, complete, symmetric_product,
-};
-use crate::covariance::two_stage::numbers::{
+use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, Work, four, three,
 };
-use crate::covariance::two_stage::single::{keep_tape, take_tape};
-use crate::covariance::{
-    CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite, split_periods,
+use crate::covariance::fast::course::{self, LegAdjoint, Legs, Tape};
+use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_lanes};
+use crate::covariance::fast::earth::Earth;
+use crate::covariance::fast::gains::Own;
+use crate::covariance::fast::information::{
+    Factor, PLACES, Rows, by_gyros, complete, symmetric_product,
 };
+use crate::covariance::fast::single::{keep_tape, take_tape};
+use crate::covariance::gradient::LegGradient;
+use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite};
 use crate::drift::COEFFICIENTS;
 use crate::error::Result;
 use crate::motion::Timeline;
@@ -55,14 +50,14 @@ impl<N: Number> LegAdjoint<N> for LaneGradient<N> {
 }
 
 /// Ē = −P G P.
-struct InformationAdjoint<'a, S: Simd, L: Alignment, const FUSED: bool>(
-    Lanes<S, L, FUSED>,
-    &'a Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
+struct InformationAdjoint<'a, S: Simd, L: Alignment>(
+    Lanes<S, L>,
+    &'a Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     &'a Slopes,
 );
 
-impl<S: Simd, L: Alignment, const FUSED: bool> Work for InformationAdjoint<'_, S, L, FUSED> {
-    type Output = Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>;
+impl<S: Simd, L: Alignment> Work for InformationAdjoint<'_, S, L> {
+    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         let Self(ar, p, slopes) = self;
@@ -75,10 +70,10 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Work for InformationAdjoint<'_, S
 
 /// One matrix per lane.
 #[inline(always)]
-fn gathered<S: Simd, L: Alignment, const FUSED: bool>(
-    ar: Lanes<S, L, FUSED>,
+fn gathered<S: Simd, L: Alignment>(
+    ar: Lanes<S, L>,
     of: &[[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS],
-) -> Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad> {
+) -> Rows<<Lanes<S, L> as Arithmetic>::Quad> {
     let mut rows = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
     for i in 0..COEFFICIENTS {
         for k in 0..3 {
@@ -106,7 +101,7 @@ struct Gradients<'a> {
 impl LaneTask for Gradients<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<S: Simd, L: Alignment, const FUSED: bool>(mut self, ar: Lanes<S, L, FUSED>) {
+    fn run<S: Simd, L: Alignment>(mut self, ar: Lanes<S, L>) {
         let model = self.batch.model;
         let group = self.batch.group(ar, self.of, true);
         let mut tape = take_tape(true);
@@ -115,7 +110,7 @@ impl LaneTask for Gradients<'_> {
         let chain = course::forward(ar, &group, &earth, &mut gains, &mut tape);
         let factor = ar.apart(Factorise(ar, &chain.e, &model.prior_scale));
         let mut p = ar.apart(Covariance(ar, &factor));
-        let slopes = self.slopes::<S, L, FUSED>(&factor, &p);
+        let slopes = self.slopes::<S, L>(&factor, &p);
         complete(ar, &mut p);
         let information = ar.apart(InformationAdjoint(ar, &p, &slopes));
         let gradient = backward(&group, &earth, &tape, &information);
@@ -136,10 +131,10 @@ impl LaneTask for Gradients<'_> {
 impl Gradients<'_> {
     /// The figure of merit of every lane, put down, and its derivative with respect to P_D.
     #[inline(always)]
-    fn slopes<S: Simd, L: Alignment, const FUSED: bool>(
+    fn slopes<S: Simd, L: Alignment>(
         &mut self,
-        factor: &Factor<Lanes<S, L, FUSED>>,
-        p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
+        factor: &Factor<Lanes<S, L>>,
+        p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     ) -> Slopes {
         let mut slopes = Slopes::default();
         for (lane, &i) in self.of.iter().enumerate() {
@@ -159,12 +154,12 @@ impl Gradients<'_> {
 
 /// The derivatives of every lane's figure of merit, leg by leg.
 #[inline(always)]
-fn backward<S: Simd, L: Alignment, const FUSED: bool>(
-    group: &Group<'_, S, L, FUSED>,
-    earth: &Earth<Register<S, FUSED, L>>,
-    tape: &Tape<Lanes<S, L, FUSED>>,
-    information: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
-) -> Vec<LaneGradient<Register<S, FUSED, L>>> {
+fn backward<S: Simd, L: Alignment>(
+    group: &Group<'_, S, L>,
+    earth: &Earth<Register<S, L>>,
+    tape: &Tape<Lanes<S, L>>,
+    information: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+) -> Vec<LaneGradient<Register<S, L>>> {
     let ar = group.ar;
     let model = group.timelines[0].model;
     let zero = ar.number(0.0);
@@ -220,11 +215,11 @@ impl Slopes {
 
     /// −G P, in the operations of one schedule alone.
     #[inline(always)]
-    fn pull<S: Simd, L: Alignment, const FUSED: bool>(
+    fn pull<S: Simd, L: Alignment>(
         &self,
-        ar: Lanes<S, L, FUSED>,
-        p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
-    ) -> Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad> {
+        ar: Lanes<S, L>,
+        p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+    ) -> Rows<<Lanes<S, L> as Arithmetic>::Quad> {
         let mut out = [[ar.quad([ar.number(0.0); 4]); 3]; COEFFICIENTS];
         for i in 0..COEFFICIENTS {
             let g = -Register::gather(ar.0, &self.variances[i]);
@@ -271,24 +266,12 @@ impl CovarianceModel {
                 out: &mut out,
                 alone: &mut alone,
             };
-            run_in_lanes::<_, false>(self.most_lanes, task);
+            run_in_lanes(self.most_lanes, task);
         }
         for i in alone {
             out[i] = self.gradient(&timelines[i], rule, &merit);
         }
         out
-    }
-
-    /// Whether what a timeline goes through leg by leg is what others do too, so that it can share
-    /// a group without a lane doing anything that its schedule alone does not: every position is
-    /// held for a whole period at least, and no move is measured.
-    fn keeps_step(&self, timeline: &Timeline) -> bool {
-        let held = |dwell_s: f64| split_periods(dwell_s, self.period_s).0 > 0;
-        timeline.position_legs().iter().all(|leg| held(leg.dwell_s))
-            && timeline
-                .legs()
-                .iter()
-                .all(|leg| leg.arrival.is_none_or(|m| !m.measured))
     }
 }
 

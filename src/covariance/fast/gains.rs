@@ -3,9 +3,9 @@
 use nalgebra::Matrix3;
 use pulp::Simd;
 
+use super::arithmetic::{Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, three};
 use super::course::Legs;
 use super::earth::{Earth, Passed};
-use super::numbers::{Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, three};
 use super::square::{
     Entries, Square, condition, difference, entries, gram_of_rows, mirrored, product, rows,
     square_root, sum, transpose, whitener,
@@ -93,10 +93,10 @@ impl<A: Arithmetic> DwellKernel<A> {
     }
 }
 
-impl<S: Simd, L: Alignment, const FUSED: bool> DwellKernel<Lanes<S, L, FUSED>> {
+impl<S: Simd, L: Alignment> DwellKernel<Lanes<S, L>> {
     /// Each lane its own kernel.
     #[inline(always)]
-    pub fn gather(ar: Lanes<S, L, FUSED>, of: &[&DwellNumbers; MOST_LANES]) -> Self {
+    pub fn gather(ar: Lanes<S, L>, of: &[&DwellNumbers; MOST_LANES]) -> Self {
         macro_rules! matrix {
             ($field:ident) => {
                 three!(|i| three!(|j| {

@@ -5,20 +5,20 @@ use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Conj, Mat, Par, dyn_stack};
 
-use crate::covariance::number::{Array, Number, identity, inverse_of_triangle, zeros};
+use crate::covariance::real::{Dense, Real, identity, inverse_of_triangle, zeros};
 use crate::drift::COEFFICIENTS;
 
 /// Block size of the Householder factors: these matrices are small.
 const BLOCK: usize = 1;
 
 /// Eliminates the first columns of a few rows, with the memory for it.
-pub(super) struct Elimination<T: Number> {
+pub(super) struct Elimination<T: Real> {
     matrix: Mat<T>,
     factors: Mat<T>,
     scratch: dyn_stack::MemBuffer,
 }
 
-impl<T: Number> Elimination<T> {
+impl<T: Real> Elimination<T> {
     /// Of `width` columns of `rows` rows of `columns` entries.
     pub(super) fn new(rows: usize, columns: usize, width: usize) -> Self {
         let factor = no_pivoting::factor::qr_in_place_scratch::<T>(
@@ -74,9 +74,9 @@ impl<T: Number> Elimination<T> {
 }
 
 /// Twelve rows of unit noise on D/s, the prior among them.
-pub(super) struct DriftInformation<T: Number> {
+pub(super) struct DriftInformation<T: Real> {
     /// Upper triangular in the order of the pivots.
-    triangle: Array<T, COEFFICIENTS, COEFFICIENTS>,
+    triangle: Dense<T, COEFFICIENTS, COEFFICIENTS>,
     /// Which coefficient each column is.
     order: [usize; COEFFICIENTS],
     matrix: Mat<T>,
@@ -84,7 +84,7 @@ pub(super) struct DriftInformation<T: Number> {
     scratch: dyn_stack::MemBuffer,
 }
 
-impl<T: Number> DriftInformation<T> {
+impl<T: Real> DriftInformation<T> {
     /// The prior; up to `most` rows are added at a time.
     pub(super) fn new(most: usize) -> Self {
         let rows = COEFFICIENTS + most;
@@ -107,7 +107,7 @@ impl<T: Number> DriftInformation<T> {
 
     /// Adds `M − 12` rows.
     pub(super) fn add<const M: usize>(&mut self, new: &[&[T]]) {
-        let mut rows: Array<T, M, COEFFICIENTS> = zeros();
+        let mut rows: Dense<T, M, COEFFICIENTS> = zeros();
         for (i, row) in rows.iter_mut().take(COEFFICIENTS).enumerate() {
             for (pivot, &column) in self.order.iter().enumerate().skip(i) {
                 row[column] = self.triangle[i][pivot];
@@ -140,7 +140,7 @@ impl<T: Number> DriftInformation<T> {
     }
 
     /// L with L Lᵀ the covariance of D/s.
-    pub(super) fn covariance_root(&self) -> Array<T, COEFFICIENTS, COEFFICIENTS> {
+    pub(super) fn covariance_root(&self) -> Dense<T, COEFFICIENTS, COEFFICIENTS> {
         let inverse = inverse_of_triangle(&self.triangle);
         let mut root = zeros();
         for (row, &coefficient) in inverse.iter().zip(&self.order) {
@@ -151,7 +151,7 @@ impl<T: Number> DriftInformation<T> {
 }
 
 /// Copies `rows` into `matrix`, the largest in their first `width` entries first.
-fn put_sorted<T: Number, const N: usize>(matrix: &mut Mat<T>, rows: &mut [[T; N]], width: usize) {
+fn put_sorted<T: Real, const N: usize>(matrix: &mut Mat<T>, rows: &mut [[T; N]], width: usize) {
     let size = |row: &[T; N]| {
         let sizes = row[..width].iter().map(|v| v.f64().abs());
         sizes.fold(0.0_f64, f64::max)

@@ -1,12 +1,12 @@
 //! A part of a test in many variants, between a start and a rest that they share.
 
-use super::super::two_stage::course::{self, Tape};
-use super::super::two_stage::earth::Earth;
-use super::super::two_stage::gains::{Gains, Own};
-use super::super::two_stage::information::{Information, Rows, by_gyros, rows_by_gyros};
-use super::super::two_stage::numbers::{Alignment, Arithmetic, Lanes, Work, three};
-use super::super::two_stage::square::Entries;
-use super::super::two_stage::{Chain, Place, Wide, attitude_entries};
+use super::super::arithmetic::{Alignment, Arithmetic, Lanes, Work, three};
+use super::super::course::{self, Tape};
+use super::super::earth::Earth;
+use super::super::gains::{Gains, Own};
+use super::super::information::{Information, Rows, by_gyros, rows_by_gyros};
+use super::super::square::Entries;
+use super::super::{Carried, Place, Wide, attitude_entries};
 use super::Group;
 use crate::attitude::Attitude;
 use crate::covariance::chain::{InformationSink, State};
@@ -99,7 +99,7 @@ impl Between {
 /// The rest of the test added to what the chain has collected.
 struct Join<'a, A: Arithmetic> {
     ar: A,
-    chain: &'a Chain<A>,
+    chain: &'a Carried<A>,
     p: Entries<A::Number>,
     rest: &'a (Entries<f64>, Wide<[f64; 4]>),
 }
@@ -115,20 +115,20 @@ impl<A: Arithmetic> Work for Join<'_, A> {
 
 /// The information at the end of every lane's timeline, between what is given.
 #[inline(always)]
-pub(super) fn run<S: Simd, L: Alignment, const FUSED: bool>(
-    group: &Group<'_, S, L, FUSED>,
+pub(super) fn run<S: Simd, L: Alignment>(
+    group: &Group<'_, S, L>,
     between: Option<&Between>,
-    tape: &mut Tape<Lanes<S, L, FUSED>>,
-) -> Information<Lanes<S, L, FUSED>> {
+    tape: &mut Tape<Lanes<S, L>>,
+) -> Information<Lanes<S, L>> {
     let ar = group.ar;
     let model = group.timelines[0].model;
     let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
     let start_p = between.map_or(&model.prior_psi, |b| &b.p);
     let mut gains = Own::new(ar, group, &earth, start_p);
     let from = match between {
-        None => (Chain::new(ar), None),
+        None => (Carried::new(ar), None),
         Some(b) => (
-            Chain::known(ar, &b.v, &b.e),
+            Carried::known(ar, &b.v, &b.e),
             b.from.as_ref().map(|a| place(ar, a)),
         ),
     };

@@ -1,8 +1,8 @@
 //! The drift integral of a move, see [`crate::motion::integral`], at several nodes at once.
 
 use super::Wide;
+use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::earth::Earth;
-use super::numbers::{Arithmetic, Number, Row, four, three};
 use super::square::{Entries, dot, transpose};
 use super::trigonometry::sin_cos;
 use crate::attitude::UP;
@@ -262,8 +262,8 @@ pub(crate) fn pull_to_angles<N: Number>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::arithmetic::Plain;
     use super::super::information::PLACES;
-    use super::super::numbers::Plain;
     use super::*;
     use crate::attitude::earth_rate_n;
     use crate::drift::{COEFFICIENTS, DriftMatrix};

@@ -13,42 +13,47 @@ use crate::attitude::{Degrees, Position};
 pub(crate) type Extended = faer::fx128;
 
 /// `A` rows of `B` numbers.
-pub(crate) type Array<T, const A: usize, const B: usize> = [[T; B]; A];
+pub(crate) type Dense<T, const A: usize, const B: usize> = [[T; B]; A];
 
 /// A number that a filter can be run with.
-pub(crate) trait Number: RealField + Copy + From<f64> {
+pub(crate) trait Real: RealField + Copy + From<f64> {
     /// σ of a misalignment component known exactly, in units of the measurement noise: its share
     /// of any variance is below rounding even after a million measurements.
     const KNOWN: f64;
+
+    /// Terms of a series of size one that are less than this are below rounding.
+    const SMALLEST_TERM: f64;
 
     /// The nearest double.
     fn f64(self) -> f64;
 
     /// C_c^n = Mx(α) My(β) Mz(γ) (19).
-    fn attitude(position: Position) -> Array<Self, 3, 3>;
+    fn attitude(position: Position) -> Dense<Self, 3, 3>;
 }
 
-impl Number for f64 {
+impl Real for f64 {
     const KNOWN: f64 = 1e-9;
+    const SMALLEST_TERM: f64 = 1e-18;
 
     fn f64(self) -> f64 {
         self
     }
 
-    fn attitude(position: Position) -> Array<Self, 3, 3> {
+    fn attitude(position: Position) -> Dense<Self, 3, 3> {
         let c = position.attitude();
         std::array::from_fn(|i| std::array::from_fn(|j| c.matrix()[(i, j)]))
     }
 }
 
-impl Number for Extended {
+impl Real for Extended {
     const KNOWN: f64 = 1e-12;
+    const SMALLEST_TERM: f64 = 1e-34;
 
     fn f64(self) -> f64 {
         self.0
     }
 
-    fn attitude(position: Position) -> Array<Self, 3, 3> {
+    fn attitude(position: Position) -> Dense<Self, 3, 3> {
         let turn = |angle: Degrees, axis: usize| {
             let (s, c) = sine_cosine(angle);
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -97,12 +102,12 @@ fn sine_cosine(angle: Degrees) -> (Extended, Extended) {
 }
 
 /// All zero.
-pub(crate) fn zeros<T: Number, const A: usize, const B: usize>() -> Array<T, A, B> {
+pub(crate) fn zeros<T: Real, const A: usize, const B: usize>() -> Dense<T, A, B> {
     [[T::from(0.0); B]; A]
 }
 
 /// I.
-pub(crate) fn identity<T: Number, const N: usize>() -> Array<T, N, N> {
+pub(crate) fn identity<T: Real, const N: usize>() -> Dense<T, N, N> {
     let mut m = zeros();
     for (i, row) in m.iter_mut().enumerate() {
         row[i] = T::from(1.0);
@@ -111,10 +116,10 @@ pub(crate) fn identity<T: Number, const N: usize>() -> Array<T, N, N> {
 }
 
 /// a b.
-pub(crate) fn product<T: Number, const A: usize, const B: usize, const C: usize>(
-    a: &Array<T, A, B>,
-    b: &Array<T, B, C>,
-) -> Array<T, A, C> {
+pub(crate) fn product<T: Real, const A: usize, const B: usize, const C: usize>(
+    a: &Dense<T, A, B>,
+    b: &Dense<T, B, C>,
+) -> Dense<T, A, C> {
     let mut c = zeros();
     for (row, out) in a.iter().zip(&mut c) {
         for (factor, from) in row.iter().zip(b) {
@@ -127,10 +132,10 @@ pub(crate) fn product<T: Number, const A: usize, const B: usize, const C: usize>
 }
 
 /// a + b.
-pub(crate) fn sum<T: Number, const A: usize, const B: usize>(
-    mut a: Array<T, A, B>,
-    b: &Array<T, A, B>,
-) -> Array<T, A, B> {
+pub(crate) fn sum<T: Real, const A: usize, const B: usize>(
+    mut a: Dense<T, A, B>,
+    b: &Dense<T, A, B>,
+) -> Dense<T, A, B> {
     for (row, other) in a.iter_mut().zip(b) {
         for (value, other) in row.iter_mut().zip(other) {
             *value += *other;
@@ -140,23 +145,23 @@ pub(crate) fn sum<T: Number, const A: usize, const B: usize>(
 }
 
 /// f a.
-pub(crate) fn times<T: Number, const A: usize, const B: usize>(
-    mut a: Array<T, A, B>,
+pub(crate) fn times<T: Real, const A: usize, const B: usize>(
+    mut a: Dense<T, A, B>,
     f: T,
-) -> Array<T, A, B> {
+) -> Dense<T, A, B> {
     a.iter_mut().flatten().for_each(|value| *value *= f);
     a
 }
 
 /// aᵀ.
-pub(crate) fn transposed<T: Number, const A: usize, const B: usize>(
-    a: &Array<T, A, B>,
-) -> Array<T, B, A> {
+pub(crate) fn transposed<T: Real, const A: usize, const B: usize>(
+    a: &Dense<T, A, B>,
+) -> Dense<T, B, A> {
     std::array::from_fn(|j| std::array::from_fn(|i| a[i][j]))
 }
 
 /// R⁻¹ of an upper triangular R.
-pub(crate) fn inverse_of_triangle<T: Number, const N: usize>(r: &Array<T, N, N>) -> Array<T, N, N> {
+pub(crate) fn inverse_of_triangle<T: Real, const N: usize>(r: &Dense<T, N, N>) -> Dense<T, N, N> {
     let mut inverse = identity();
     for i in (0..N).rev() {
         let mut row: [T; N] = inverse[i];
@@ -171,9 +176,9 @@ pub(crate) fn inverse_of_triangle<T: Number, const N: usize>(r: &Array<T, N, N>)
 }
 
 /// The same numbers in another precision.
-pub(crate) fn convert<T: Number, const A: usize, const B: usize>(
+pub(crate) fn convert<T: Real, const A: usize, const B: usize>(
     value: impl Fn(usize, usize) -> f64,
-) -> Array<T, A, B> {
+) -> Dense<T, A, B> {
     std::array::from_fn(|i| std::array::from_fn(|j| T::from(value(i, j))))
 }
 

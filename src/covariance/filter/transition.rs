@@ -1,60 +1,23 @@
 //! Φ and B of an interval: Taylor series at a position, Runge–Kutta steps in a move.
 
-use std::sync::LazyLock;
-
 use nalgebra::Vector3;
 
-use crate::attitude::{Position, UP};
-use crate::covariance::number::{Array, Number, convert, product, sum, times, zeros};
-use crate::drift::{COEFFICIENTS, CoefficientVector, drift_c};
+use super::instrument::Instrument;
+use crate::covariance::real::{Dense, Real, convert, product, sum, times, zeros};
+use crate::drift::COEFFICIENTS;
 use crate::motion::Move;
 
-/// What each coefficient alone does to the drift of each gyro, without gravity and by a unit of
-/// gravity along each platform axis, from the platform-frame equations (3).
-static PLATFORM_DRIFT: LazyLock<[[[f64; 4]; 3]; COEFFICIENTS]> = LazyLock::new(|| {
-    std::array::from_fn(|i| {
-        let mut unit = CoefficientVector::zeros();
-        unit[i] = 1.0;
-        let constant = drift_c(&unit, &Vector3::zeros());
-        let by_gravity: [Vector3<f64>; 3] = std::array::from_fn(|axis| {
-            let gravity = Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)));
-            drift_c(&unit, &gravity) - constant
-        });
-        std::array::from_fn(|gyro| {
-            let [x, y, z] = by_gravity.map(|drift| drift[gyro]);
-            [constant[gyro], x, y, z]
-        })
-    })
-});
-
-/// A by its columns: what each coefficient alone does to ε^n.
-pub(super) fn drift_columns<T: Number>(position: Position) -> Array<T, 3, COEFFICIENTS> {
-    let attitude = T::attitude(position);
-    // g^c is minus the Up row of C_c^n.
-    let [x, y, z] = attitude[UP].map(|v| -v);
-    let with = [T::from(1.0), x, y, z];
-    let mut in_platform = zeros::<T, 3, COEFFICIENTS>();
-    for (i, drift) in PLATFORM_DRIFT.iter().enumerate() {
-        for (row, factors) in in_platform.iter_mut().zip(drift) {
-            for (factor, excitation) in factors.iter().zip(with) {
-                row[i] += T::from(*factor) * excitation;
-            }
-        }
-    }
-    product(&attitude, &in_platform)
-}
-
 /// F = −[ω ×].
-fn system_matrix<T: Number>(earth_rate: &Vector3<f64>) -> Array<T, 3, 3> {
+fn system_matrix<T: Real>(earth_rate: &Vector3<f64>) -> Dense<T, 3, 3> {
     let f = -earth_rate.cross_matrix();
     convert(|i, j| f[(i, j)])
 }
 
 /// Φ and Γ by their Taylor series, in chunks short enough for it to converge fast.
-pub(super) fn taylor_transition<T: Number>(
+pub(super) fn taylor_transition<T: Real>(
     earth_rate: &Vector3<f64>,
     length_s: f64,
-) -> (Array<T, 3, 3>, Array<T, 3, 3>) {
+) -> (Dense<T, 3, 3>, Dense<T, 3, 3>) {
     const LONGEST_S: f64 = 1000.0;
     let chunks = (length_s / LONGEST_S).ceil().max(1.0);
     let t = T::from(length_s) / T::from(chunks);
@@ -78,11 +41,11 @@ pub(super) fn taylor_transition<T: Number>(
 /// B of an interval of a move by the classical Runge–Kutta method on dB/dt = F B + A(t). Its
 /// error is far above rounding, so doubles will do.
 pub(super) fn runge_kutta_integral(
+    instrument: &Instrument,
     earth_rate: &Vector3<f64>,
     m: &Move,
-    start_s: f64,
-    length_s: f64,
-) -> Array<f64, 3, COEFFICIENTS> {
+    (start_s, length_s): (f64, f64),
+) -> Dense<f64, 3, COEFFICIENTS> {
     /// Turn per step, rad (0.25°), and longest step, s: local error below 1e-9.
     const STEP_RAD: f64 = 0.0044;
     const STEP_S: f64 = 50.0;
@@ -90,7 +53,8 @@ pub(super) fn runge_kutta_integral(
     let steps = (turn / STEP_RAD).max(length_s / STEP_S).ceil().max(1.0);
     let h = length_s / steps;
     let f = system_matrix::<f64>(earth_rate);
-    let a_at = |t: f64| drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s));
+    let a_at =
+        |t: f64| instrument.drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s));
     let mut b = zeros::<f64, 3, COEFFICIENTS>();
     let mut a0 = a_at(0.0);
     for step in 0..steps as usize {

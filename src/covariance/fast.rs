@@ -17,7 +17,7 @@
 //! - Of the symmetric matrices one triangle is kept.
 //! - Nothing is allocated; kernels are looked up by reference.
 //!
-//! [`numbers`] says what it runs on, [`adjoint`] is the reverse mode.
+//! [`arithmetic`] says what it runs on, [`adjoint`] is the reverse mode.
 
 #![allow(
     clippy::needless_range_loop,
@@ -25,24 +25,26 @@
 )]
 
 pub(crate) mod adjoint;
+pub(crate) mod arithmetic;
 #[cfg(test)]
 mod counting;
 pub(crate) mod course;
+pub(crate) mod cuts;
 pub(crate) mod dispatch;
 pub(crate) mod earth;
 pub(crate) mod gains;
 pub(crate) mod information;
 pub(crate) mod moves;
-pub(crate) mod numbers;
+pub(crate) mod several;
 pub(crate) mod single;
 pub(crate) mod square;
 pub(crate) mod trigonometry;
 
 use crate::attitude::{Attitude, UP};
+use arithmetic::{Arithmetic, Number, Row, four, three};
 use earth::Passed;
 use gains::{Gain, Seen, whiten};
 use information::{Information, Rows};
-use numbers::{Arithmetic, Number, Row, four, three};
 use square::{
     Entries, Square, combine, entries, gram_of_rows, product, rows, square_root,
     transposed_product, whitener,
@@ -119,9 +121,9 @@ pub(crate) fn attitude_entries(attitude: &Attitude) -> Entries<f64> {
     three!(|i| three!(|j| m[(i, j)]))
 }
 
-/// The chain at work on one schedule, or on one per lane.
+/// What the chain carries of one schedule, or of one per lane.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Chain<A: Arithmetic> {
+pub(crate) struct Carried<A: Arithmetic> {
     /// V, arcsec per °/h, gyro by gyro.
     pub v: Wide<A::Quad>,
     /// E, (°/h)⁻², gyro by gyro.
@@ -149,7 +151,7 @@ pub(crate) struct MeasureStep<A: Arithmetic> {
     pub rows: [[A::Quad; 3]; 2],
 }
 
-impl<A: Arithmetic> Chain<A> {
+impl<A: Arithmetic> Carried<A> {
     /// Before the first position: V = 0, E = 0.
     #[inline(always)]
     pub fn new(ar: A) -> Self {

@@ -1,13 +1,13 @@
 //! Many schedules at once: one per lane of the machine's registers.
 //!
-//! The straight-line chain ([`two_stage`](super::two_stage)) runs on registers of eight lanes
+//! The straight-line chain ([`fast`](super)) runs on registers of eight lanes
 //! (AVX-512), four (AVX2) or two (NEON), whatever the machine has when the program runs; without
 //! any of them on one. Schedules are grouped by their number of positions; in a group each lane
 //! has its own angles, durations and moves, and a schedule with fewer positions waits.
 //!
-//! For values, lanes fuse products and sums, so a value differs from that of the schedule alone by
-//! rounding (tested: 1e-12), and may differ by rounding with the schedules that share its group.
-//! [`gradients`] do not fuse: they have the bits of the schedule alone. Nothing depends on threads.
+//! Lanes do not fuse products and sums: every lane does the operations of
+//! [`single`](super::single) in its order, whatever shares the group, whatever the instruction set.
+//! So what a schedule gives depends on the schedule alone. Nothing depends on threads.
 
 #![allow(
     clippy::needless_range_loop,
@@ -21,35 +21,38 @@ use std::borrow::Cow;
 
 use pulp::Simd;
 
-use super::kernel::LookedUp;
-use super::two_stage::course::{Legs, Stretch, Tape};
-use super::two_stage::dispatch::{LaneTask, run_in_lanes};
-use super::two_stage::gains::DwellKernel;
-use super::two_stage::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_digits};
-use super::two_stage::moves::{Interval, Turn};
-use super::two_stage::numbers::{
-    self, Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register, Row, three,
+use super::arithmetic::{
+    Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register, Row, Work, three,
 };
-use super::two_stage::single::OneTimeline;
-use super::two_stage::{Place, attitude_entries};
-use super::{CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite};
-use crate::drift::{CoefficientMatrix, CoefficientVector};
+use super::course::{Legs, Stretch, Tape};
+use super::dispatch::{LaneTask, run_in_lanes};
+use super::gains::DwellKernel;
+use super::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_digits};
+use super::moves::{Interval, Turn};
+use super::single::OneTimeline;
+use super::{Place, attitude_entries};
+use crate::covariance::kernel::LookedUp;
+use crate::covariance::{
+    CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite,
+    split_periods,
+};
+use crate::drift::CoefficientMatrix;
 use crate::error::Result;
 use crate::motion::integral::Panels;
 use crate::motion::{Leg, Timeline};
 use between::{Between, run};
 
-type Lane<S, L, const FUSED: bool> = Register<S, FUSED, L>;
+type Lane<S, L> = Register<S, L>;
 
 /// One timeline per lane; the last one again in lanes to spare.
-struct Group<'a, S, L, const FUSED: bool> {
-    ar: Lanes<S, L, FUSED>,
+struct Group<'a, S, L> {
+    ar: Lanes<S, L>,
     timelines: Vec<OneTimeline<'a, Plain>>,
     legs: usize,
 }
 
-impl<'a, S: Simd, L: Alignment, const FUSED: bool> Group<'a, S, L, FUSED> {
-    fn new(ar: Lanes<S, L, FUSED>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
+impl<'a, S: Simd, L: Alignment> Group<'a, S, L> {
+    fn new(ar: Lanes<S, L>, timelines: Vec<OneTimeline<'a, Plain>>) -> Self {
         let legs = timelines.iter().map(Legs::count).max().unwrap_or(0);
         Self {
             ar,
@@ -64,7 +67,7 @@ impl<'a, S: Simd, L: Alignment, const FUSED: bool> Group<'a, S, L, FUSED> {
 
     /// `value` of every lane, with its timeline.
     #[inline(always)]
-    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L, FUSED> {
+    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L> {
         let mut values = [0.0; MOST_LANES];
         for (i, slot) in values.iter_mut().enumerate().take(S::F64_LANES) {
             *slot = value(self.lane(i));
@@ -101,13 +104,13 @@ fn no_stretch() -> Stretch<f64, Panels> {
     }
 }
 
-impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Group<'_, S, L, FUSED> {
+impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
     #[inline(always)]
     fn count(&self) -> usize {
         self.legs
     }
     #[inline(always)]
-    fn place(&self, leg: usize) -> Place<Lanes<S, L, FUSED>> {
+    fn place(&self, leg: usize) -> Place<Lanes<S, L>> {
         let mut c = [[[0.0; MOST_LANES]; 3]; 3];
         for lane in 0..S::F64_LANES {
             let Some(l) = leg_or_last(self.lane(lane), leg) else {
@@ -127,7 +130,7 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Grou
         )
     }
     #[inline(always)]
-    fn alpha(&self, leg: usize) -> (Lane<S, L, FUSED>, Lane<S, L, FUSED>) {
+    fn alpha(&self, leg: usize) -> (Lane<S, L>, Lane<S, L>) {
         let (mut sin, mut cos) = ([0.0; MOST_LANES], [1.0; MOST_LANES]);
         for lane in 0..S::F64_LANES {
             if let Some(l) = leg_or_last(self.lane(lane), leg) {
@@ -147,11 +150,7 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Grou
         own.map(|t| t.stretches(leg)).max().unwrap_or(0)
     }
     #[inline(always)]
-    fn stretch(
-        &self,
-        leg: usize,
-        index: usize,
-    ) -> Stretch<Lane<S, L, FUSED>, [Panels; MOST_LANES]> {
+    fn stretch(&self, leg: usize, index: usize) -> Stretch<Lane<S, L>, [Panels; MOST_LANES]> {
         let mut of = [no_stretch(); MOST_LANES];
         for (lane, slot) in of.iter_mut().enumerate().take(S::F64_LANES) {
             let t = self.lane(lane);
@@ -199,14 +198,14 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Grou
         self.any(leg, |t| t.settles(leg))
     }
     #[inline(always)]
-    fn settle_s(&self, leg: usize) -> Lane<S, L, FUSED> {
+    fn settle_s(&self, leg: usize) -> Lane<S, L> {
         self.gather(|t| match leg < t.count() && t.settles(leg) {
             true => t.settle_s(leg),
             false => 0.0,
         })
     }
     #[inline(always)]
-    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S, L, FUSED>>> {
+    fn dwell(&self, leg: usize) -> Option<DwellKernel<Lanes<S, L>>> {
         let periods = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.periods(leg),
             false => 0,
@@ -229,7 +228,7 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Legs<Lanes<S, L, FUSED>> for Grou
         self.any(leg, |t| t.remains(leg))
     }
     #[inline(always)]
-    fn remainder(&self, leg: usize) -> (Lane<S, L, FUSED>, Option<Lane<S, L, FUSED>>) {
+    fn remainder(&self, leg: usize) -> (Lane<S, L>, Option<Lane<S, L>>) {
         let rest = |t: &OneTimeline<'_, Plain>| match leg < t.count() {
             true => t.remainder(leg),
             false => (0.0, None),
@@ -249,19 +248,22 @@ struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The timelines in groups of at most `lanes`, alike in their number of legs.
+    /// The timelines in groups of at most `lanes`, alike in their number of legs; those that would
+    /// make others of their group do what they do not do alone, on their own.
     fn groups(&self, lanes: usize) -> Vec<Vec<usize>> {
-        let mut order: Vec<usize> = (0..self.timelines.len()).collect();
-        order.sort_by_key(|&i| self.timelines[i].legs().len());
-        order.chunks(lanes).map(<[usize]>::to_vec).collect()
+        let (mut together, alone): (Vec<usize>, Vec<usize>) =
+            (0..self.timelines.len()).partition(|&i| self.model.keeps_step(&self.timelines[i]));
+        together.sort_by_key(|&i| self.timelines[i].legs().len());
+        let together = together.chunks(lanes).map(<[usize]>::to_vec);
+        together.chain(alone.into_iter().map(|i| vec![i])).collect()
     }
 
-    fn group<S: Simd, L: Alignment, const FUSED: bool>(
+    fn group<S: Simd, L: Alignment>(
         &self,
-        ar: Lanes<S, L, FUSED>,
+        ar: Lanes<S, L>,
         of: &[usize],
         keep_empty: bool,
-    ) -> Group<'a, S, L, FUSED> {
+    ) -> Group<'a, S, L> {
         let timeline = |&i: &usize| OneTimeline {
             ar: Plain,
             model: self.model,
@@ -275,8 +277,8 @@ impl<'a> Batch<'a> {
 
 /// P_D of one lane in the order of the coefficients.
 #[inline(always)]
-fn covariance_of_lane<S: Simd, L: Alignment, const FUSED: bool>(
-    p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
+fn covariance_of_lane<S: Simd, L: Alignment>(
+    p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     lane: usize,
 ) -> CoefficientMatrix {
     let mut out = CoefficientMatrix::zeros();
@@ -292,36 +294,33 @@ fn covariance_of_lane<S: Simd, L: Alignment, const FUSED: bool>(
 }
 
 /// Whether the covariance of one lane has the digits that a search needs.
-fn keeps_digits_in<S: Simd, L: Alignment, const FUSED: bool>(
-    factor: &Factor<Lanes<S, L, FUSED>>,
-    lane: usize,
-) -> bool {
+fn keeps_digits_in<S: Simd, L: Alignment>(factor: &Factor<Lanes<S, L>>, lane: usize) -> bool {
     keeps_digits(factor.least.lane(lane), factor.cancelled.lane(lane))
 }
 
 /// P_D of one lane.
-struct OfLane<'a, S: Simd, L: Alignment, const FUSED: bool> {
+struct OfLane<'a, S: Simd, L: Alignment> {
     matrix: CoefficientMatrix,
-    factor: &'a Factor<Lanes<S, L, FUSED>>,
+    factor: &'a Factor<Lanes<S, L>>,
     lane: usize,
 }
 
-impl<'a, S: Simd, L: Alignment, const FUSED: bool> OfLane<'a, S, L, FUSED> {
+impl<'a, S: Simd, L: Alignment> OfLane<'a, S, L> {
     #[inline(always)]
     fn new(
-        p: &Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>,
-        factor: &'a Factor<Lanes<S, L, FUSED>>,
+        p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+        factor: &'a Factor<Lanes<S, L>>,
         lane: usize,
     ) -> Self {
         Self {
-            matrix: covariance_of_lane::<S, L, FUSED>(p, lane),
+            matrix: covariance_of_lane::<S, L>(p, lane),
             factor,
             lane,
         }
     }
 }
 
-impl<S: Simd, L: Alignment, const FUSED: bool> CoefficientCovariance for OfLane<'_, S, L, FUSED> {
+impl<S: Simd, L: Alignment> CoefficientCovariance for OfLane<'_, S, L> {
     fn matrix(&self) -> &CoefficientMatrix {
         &self.matrix
     }
@@ -331,14 +330,14 @@ impl<S: Simd, L: Alignment, const FUSED: bool> CoefficientCovariance for OfLane<
 }
 
 /// The factorisation of what the chain has collected.
-struct Factorise<'a, S: Simd, L: Alignment, const FUSED: bool>(
-    Lanes<S, L, FUSED>,
-    &'a Information<Lanes<S, L, FUSED>>,
+struct Factorise<'a, S: Simd, L: Alignment>(
+    Lanes<S, L>,
+    &'a Information<Lanes<S, L>>,
     &'a PriorScale,
 );
 
-impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Factorise<'_, S, L, FUSED> {
-    type Output = Factor<Lanes<S, L, FUSED>>;
+impl<S: Simd, L: Alignment> Work for Factorise<'_, S, L> {
+    type Output = Factor<Lanes<S, L>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.factor(self.0, self.2)
@@ -346,13 +345,10 @@ impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Factorise<'_, S
 }
 
 /// P_D from its factors.
-struct Covariance<'a, S: Simd, L: Alignment, const FUSED: bool>(
-    Lanes<S, L, FUSED>,
-    &'a Factor<Lanes<S, L, FUSED>>,
-);
+struct Covariance<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Factor<Lanes<S, L>>);
 
-impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Covariance<'_, S, L, FUSED> {
-    type Output = Rows<<Lanes<S, L, FUSED> as Arithmetic>::Quad>;
+impl<S: Simd, L: Alignment> Work for Covariance<'_, S, L> {
+    type Output = Rows<<Lanes<S, L> as Arithmetic>::Quad>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.covariance(self.0)
@@ -362,18 +358,11 @@ impl<S: Simd, L: Alignment, const FUSED: bool> numbers::Work for Covariance<'_, 
 /// A figure of merit of P_D.
 type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
 
-/// What is wanted of every timeline. One type for all, so that they share their code.
-enum Wanted<'a> {
-    /// tr(W P_D) for the diagonal of W.
-    WeightedTrace(PriorScale, CoefficientVector),
-    Value(Value<'a>),
-}
-
 struct Values<'a> {
     batch: Batch<'a>,
     /// What comes before and after the timelines, if they are parts of a test.
     between: Option<&'a Between>,
-    wanted: Wanted<'a>,
+    merit: Value<'a>,
 }
 
 impl Values<'_> {
@@ -389,20 +378,14 @@ impl Values<'_> {
             None => Rooted::new(model.end_covariance_in_doubles(&timelines[i], rule)?.root),
             Some(between) => Rooted::new(between.root(model, &timelines[i], rule)?),
         };
-        match &self.wanted {
-            Wanted::WeightedTrace(_, weights) => Ok(end.matrix().diagonal().dot(weights)),
-            Wanted::Value(merit) => merit(&end),
-        }
+        (self.merit)(&end)
     }
 }
 
 impl LaneTask for Values<'_> {
     type Output = Vec<Result<f64>>;
     #[inline(always)]
-    fn run<S: Simd, L: Alignment, const FUSED: bool>(
-        self,
-        ar: Lanes<S, L, FUSED>,
-    ) -> Vec<Result<f64>> {
+    fn run<S: Simd, L: Alignment>(self, ar: Lanes<S, L>) -> Vec<Result<f64>> {
         let mut out: Vec<Result<f64>> = Vec::new();
         out.resize_with(self.batch.timelines.len(), || Err(not_finite()));
         let mut tape = Tape {
@@ -410,28 +393,16 @@ impl LaneTask for Values<'_> {
             steps: Vec::new(),
         };
         for of in self.batch.groups(S::F64_LANES) {
-            let group = self.batch.group(ar, &of, tape.on);
+            // Whatever the rests of the others, each dwell ends with the steps of one.
+            let group = self.batch.group(ar, &of, true);
             let information = run(&group, self.between, &mut tape);
             let factor = ar.apart(Factorise(ar, &information, &self.batch.model.prior_scale));
-            match &self.wanted {
-                Wanted::WeightedTrace(weights, _) => {
-                    let traces = factor.weighted_trace(ar, weights);
-                    for (lane, &i) in of.iter().enumerate() {
-                        out[i] = match keeps_digits_in(&factor, lane) {
-                            true => Ok(traces.lane(lane)),
-                            false => self.by_rows(i),
-                        };
-                    }
-                }
-                Wanted::Value(merit) => {
-                    let p = ar.apart(Covariance(ar, &factor));
-                    for (lane, &i) in of.iter().enumerate() {
-                        out[i] = match keeps_digits_in(&factor, lane) {
-                            true => merit(&OfLane::new(&p, &factor, lane)),
-                            false => self.by_rows(i),
-                        };
-                    }
-                }
+            let p = ar.apart(Covariance(ar, &factor));
+            for (lane, &i) in of.iter().enumerate() {
+                out[i] = match keeps_digits_in(&factor, lane) {
+                    true => (self.merit)(&OfLane::new(&p, &factor, lane)),
+                    false => self.by_rows(i),
+                };
             }
         }
         out
@@ -444,7 +415,7 @@ impl CovarianceModel {
         timelines: &'a [Timeline],
         rule: TickRule,
         between: Option<&'a Between>,
-        wanted: Wanted<'a>,
+        merit: Value<'a>,
     ) -> Vec<Result<f64>> {
         let values = Values {
             batch: Batch {
@@ -453,32 +424,16 @@ impl CovarianceModel {
                 rule,
             },
             between,
-            wanted,
+            merit,
         };
-        run_in_lanes::<_, true>(self.most_lanes, values)
-    }
-
-    /// tr(W P_D) of every timeline, (°/h)², W diagonal with `weights`: what the weighted RMS σ is
-    /// made of. Several timelines at once, see [`CovarianceModel::values`].
-    ///
-    /// # Errors
-    ///
-    /// Of a timeline: [`Error::is_numerical`](crate::Error::is_numerical) when its information
-    /// overflows.
-    pub fn weighted_traces(
-        &self,
-        timelines: &[Timeline],
-        rule: TickRule,
-        weights: &CoefficientVector,
-    ) -> Vec<Result<f64>> {
-        let wanted = Wanted::WeightedTrace(PriorScale::new(weights), *weights);
-        self.in_lanes(timelines, rule, None, wanted)
+        run_in_lanes(self.most_lanes, values)
     }
 
     /// A figure of merit of every timeline, several at once: `merit` takes P_D.
     ///
-    /// P_D is that of [`CovarianceModel::end_covariance_by_gram`] to rounding (1e-12 of it); a
-    /// timeline's depends by rounding on the others, never on threads.
+    /// A timeline's value depends on nothing but the timeline; it is that of
+    /// [`CovarianceModel::value`] to rounding, a dwell of whole periods having a rest of no length
+    /// here.
     ///
     /// # Errors
     ///
@@ -490,7 +445,7 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        self.in_lanes(timelines, rule, None, Wanted::Value(&merit))
+        self.in_lanes(timelines, rule, None, &merit)
     }
 
     /// A figure of merit at the end of a test of which `timelines` are variants of one part, and
@@ -506,6 +461,20 @@ impl CovarianceModel {
         between: &Between,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        self.in_lanes(timelines, rule, Some(between), Wanted::Value(&merit))
+        self.in_lanes(timelines, rule, Some(between), &merit)
+    }
+}
+
+impl CovarianceModel {
+    /// Whether what a timeline goes through leg by leg is what others do too, so that it can share
+    /// a group without a lane doing anything that its schedule alone does not: every position is
+    /// held for a whole period at least, and no move is measured.
+    pub(super) fn keeps_step(&self, timeline: &Timeline) -> bool {
+        let held = |dwell_s: f64| split_periods(dwell_s, self.period_s).0 > 0;
+        timeline.position_legs().iter().all(|leg| held(leg.dwell_s))
+            && timeline
+                .legs()
+                .iter()
+                .all(|leg| leg.arrival.is_none_or(|m| !m.measured))
     }
 }

@@ -2,22 +2,21 @@
 
 use pulp::Simd;
 
-use super::{Alignment, Arithmetic, Array, MOST_LANES, Register, Work, call_apart};
+use super::{Alignment, Arithmetic, InArray, MOST_LANES, Register, Work, call_apart};
 use crate::motion::integral::Panels;
 
-/// Several schedules, one per lane of the registers of `S`. With `FUSED`, products and sums round
-/// once; without, every lane has the bits of its schedule alone.
+/// Several schedules, one per lane of the registers of `S`; every lane has the bits of its schedule
+/// alone.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lanes<S, L, const FUSED: bool>(pub S, pub L);
+pub(crate) struct Lanes<S, L>(pub S, pub L);
 
-impl<S: Simd, L: Alignment, const FUSED: bool> Arithmetic for Lanes<S, L, FUSED> {
-    type Number = Register<S, FUSED, L>;
-    type Triple = Array<Register<S, FUSED, L>, 3>;
-    type Quad = Array<Register<S, FUSED, L>, 4>;
-    type Node = Register<S, FUSED, L>;
+impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
+    type Number = Register<S, L>;
+    type Triple = InArray<Register<S, L>, 3>;
+    type Quad = InArray<Register<S, L>, 4>;
+    type Node = Register<S, L>;
     type Panels = [Panels; MOST_LANES];
     const PASSES: usize = 4;
-    const MANY_REGISTERS: bool = S::F64_LANES == MOST_LANES;
 
     #[inline(always)]
     fn apart<W: Work>(self, work: W) -> W::Output {
@@ -28,20 +27,16 @@ impl<S: Simd, L: Alignment, const FUSED: bool> Arithmetic for Lanes<S, L, FUSED>
         Register::new(self.0, self.0.splat_f64s(value))
     }
     #[inline(always)]
-    fn load(self, values: &[f64; MOST_LANES]) -> Self::Number {
-        Register::gather(self.0, values)
-    }
-    #[inline(always)]
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple {
-        Array(entries)
+        InArray(entries)
     }
     #[inline(always)]
     fn constants(self, padded: &[f64; 4]) -> Self::Triple {
-        Array(three!(|i| self.number(padded[i])))
+        InArray(three!(|i| self.number(padded[i])))
     }
     #[inline(always)]
     fn quad(self, entries: [Self::Number; 4]) -> Self::Quad {
-        Array(entries)
+        InArray(entries)
     }
     #[inline(always)]
     fn at_nodes(self, value: Self::Number) -> Self::Node {

@@ -1,6 +1,6 @@
 //! Φ(t), Γ(t) of [`ErrorDynamics`] in the chain's arithmetic, and what they do to P.
 
-use super::numbers::{Arithmetic, Number};
+use super::arithmetic::{Arithmetic, Number};
 use super::square::{Entries, entries, mirrored, product, rows, transpose};
 use super::trigonometry::sin_cos;
 use crate::dynamics::ErrorDynamics;

@@ -1,7 +1,7 @@
 //! 3×3 matrices: rows of an [`Arithmetic`], and the factorisations of [`super::super::small`]
 //! without square roots on the way from pivot to pivot.
 
-use super::numbers::{Arithmetic, Number, Row, three};
+use super::arithmetic::{Arithmetic, Number, Row, three};
 
 /// A 3×3 matrix as three rows.
 pub(crate) type Square<T> = [T; 3];

@@ -4,7 +4,7 @@
 //! gyro j on are used: one triangle.
 
 use super::Wide;
-use super::numbers::{Arithmetic, Number, Row, four, three};
+use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::square::Entries;
 use crate::covariance::CovarianceRoot;
 use crate::drift::{
@@ -181,19 +181,6 @@ pub(crate) fn keeps_digits(least: f64, cancelled: f64) -> bool {
 }
 
 impl<A: Arithmetic> Factor<A> {
-    /// Σ_i weights_i P_ii, without P.
-    #[inline(always)]
-    pub fn weighted_trace(&self, ar: A, weights: &PriorScale) -> A::Number {
-        let weights = three!(|k| ar.quad(four!(|e| ar.number(weights.0[4 * k + e]))));
-        let mut sum = ar.quad([ar.number(0.0); 4]);
-        for (k, (row, d)) in self.w.iter().zip(&self.d).enumerate() {
-            for q in 0..=k / 4 {
-                sum = row[q].by(row[q]).by(weights[q]).times_add(*d, sum);
-            }
-        }
-        sum.total()
-    }
-
     /// L with P_D = L Lᵀ: the rows of L⁻¹ are its columns. `value` takes the number wanted.
     pub fn root(&self, value: impl Fn(A::Number) -> f64) -> CovarianceRoot {
         let mut root = CoefficientMatrix::zeros();
@@ -232,7 +219,7 @@ impl<A: Arithmetic> Factor<A> {
     }
 }
 
-/// One number per coefficient, gyro by gyro: prior σ, °/h, or weights.
+/// The prior σ of each coefficient, °/h, gyro by gyro.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PriorScale(pub [f64; COEFFICIENTS]);
 

@@ -1,4 +1,4 @@
-//! Reverse mode of the [`two_stage`](super) steps.
+//! Reverse mode of the [`fast`](super) steps.
 //!
 //! E is only ever added to, so its adjoint Ē is the same through the whole chain. With V̄, P̄ the
 //! adjoints after a dwell (P̄, Ē symmetric), and X, Y, Z, M, N those of the dwell, the adjoints
@@ -13,10 +13,10 @@
 //! never formed: C̄ = Σ_e h_e Ā_e and h̄_e = ⟨C, Ā_e⟩ are, through the same 3×3 matrices. A
 //! measurement is a dwell with two rows of weight w/D, so that nothing is singular at w = 0.
 
+use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::earth::{Earth, Passed};
 use super::information::Rows;
 use super::moves::pull_to_angles;
-use super::numbers::{Arithmetic, Number, Row, four, three};
 use super::square::{
     Entries, Square, combine, difference, dot, entries, product, rows, sum, transpose,
     transposed_product,
