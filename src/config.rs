@@ -337,6 +337,7 @@ mod tests {
             coefficients: DriftCoefficient::ALL.map(|c| (c, 1.0)).into(),
         };
         c.objective.weights = c.objective.spec_deg_per_h.clone();
+        c.objective.accept_unobservable = vec![DriftCoefficient::IZ];
         c.search.threads = Some(1);
         c.search.time_limit_s = Some(1.0);
         c

@@ -28,6 +28,7 @@
 pub mod allocate;
 pub mod checkpoint;
 mod context;
+mod cost;
 mod finish;
 mod fit;
 pub mod front;
@@ -41,12 +42,15 @@ mod plan;
 mod problem;
 mod progress;
 pub mod propose;
+mod rated;
 mod refine;
 pub mod shortest;
+mod still;
 mod table;
 mod termination;
 mod together;
 mod tumbling;
+mod turns;
 pub mod variables;
 mod ways;
 mod workshop;
@@ -123,7 +127,7 @@ pub(crate) fn nothing_to_find(
         return Ok(None);
     }
     fit::LeastTime::of(evaluator.platform()).check(problem.total_time_s)?;
-    let schedule = fit::stillest(evaluator.platform())?;
+    let schedule = still::stillest(evaluator.platform())?;
     let mut outcome = conclude(evaluator, control, work, schedule)?;
     if outcome.status == Status::Converged {
         outcome.reason = format!("{why}; no test is needed, and this is the shortest there is");
@@ -169,7 +173,7 @@ pub(crate) fn conclude(
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
     let empty = table::Table::new(evaluator.platform()).is_some_and(|t| t.is_empty());
     if empty {
-        return Err(fit::no_setting());
+        return Err(still::no_setting());
     }
     let motion = evaluator.platform().motion();
     if problem.allow_tumbling {

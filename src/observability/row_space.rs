@@ -282,7 +282,8 @@ mod tests {
         let all = AllRows::new(&space, &rows);
         let weights = all.weights(&[1.0, 1.0]).unwrap();
         for (found, expected) in weights.iter().zip([0.5, 0.5, 1e5]) {
-            assert!((found / expected - 1.0).abs() < 1e-14, "{weights}");
+            // The rows' condition is 1e5, of which the refinement leaves little.
+            assert!((found / expected - 1.0).abs() < 1e-10, "{weights}");
         }
         assert!((all.variance(&[1.0, 0.0]).unwrap() - 0.5).abs() < 1e-15);
         let [own, other] = all.covariances(&[0.0, 1.0]).unwrap();

@@ -19,8 +19,8 @@ use clarabel::solver::{
 };
 
 use super::context::{Context, Work};
-use super::plan::Refined;
-use super::variables::Plan;
+use super::plan::Plan;
+use super::rated::Refined;
 use crate::covariance::chain::{InformationSink, NoRecord};
 use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;

@@ -12,8 +12,8 @@
 
 use super::context::{Context, Work};
 pub use super::journal::{Finished, FinishedPlan, Journal};
-use super::plan::{Candidate, Refined};
-use super::variables::Plan;
+use super::plan::Plan;
+use super::rated::{Candidate, Refined};
 
 /// What a journal can hold.
 pub(super) trait Memorable: Sized {

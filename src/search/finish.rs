@@ -2,11 +2,12 @@
 
 use super::allocate::allocate;
 use super::context::Context;
-use super::fit::{TIME_SLACK, brought_within};
-use super::plan::{Candidate, Refined, rate};
+use super::fit::brought_within;
+use super::plan::Plan;
+use super::plan::TIME_SLACK;
+use super::rated::{Candidate, Refined, rate};
 use super::refine::{refine, refine_angles};
 use super::together::refine_all;
-use super::variables::Plan;
 use super::workshop::Workshop;
 use crate::attitude::{Position, decimal, deg_of_rad};
 use crate::covariance::TickRule;

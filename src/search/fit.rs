@@ -6,17 +6,10 @@
 //! and where the platform stands is a position it can take. So [`LeastTime`] is exact: with less
 //! time there is no schedule, with as much there is one.
 
-use crate::attitude::Position;
 use crate::error::{Error, Result};
-use crate::motion::equivalent_positions;
-use crate::platform::{GimbalRange, Platform};
-use crate::schedule::Schedule;
+use crate::platform::Platform;
 
-use super::table::Table;
-use super::variables::Plan;
-
-/// Times that differ by this share of the total are equal but for rounding.
-pub(super) const TIME_SLACK: f64 = 1e-12;
+use super::plan::{Plan, TIME_SLACK};
 
 /// The shortest time in which the platform can do anything at all, and what it is made of, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,50 +88,6 @@ fn enough_s(time_s: f64) -> f64 {
     (time_s * 1e6 - 1e-3).ceil() * 1e-6
 }
 
-/// The plan that does nothing but hold one position: where the platform stands, or any that it can
-/// take. None only on an index table without a setting.
-pub(super) fn still(platform: &Platform) -> Option<Plan> {
-    let position = match platform.standing() {
-        Some(position) => position,
-        None => anywhere(platform)?,
-    };
-    Some(Plan::new(
-        vec![position.to_array()],
-        vec![platform.shortest_dwell_s()],
-    ))
-}
-
-/// The same as a schedule of the least time.
-pub(super) fn stillest(platform: &Platform) -> Result<Schedule> {
-    still(platform)
-        .ok_or_else(no_setting)?
-        .to_schedule(platform)
-}
-
-/// No position can be set.
-pub(super) fn no_setting() -> Error {
-    Error::infeasible("no multiple of the index step lies within a gimbal's range")
-        .with_key("gimbals.step_deg")
-}
-
-/// A position that the platform can take: zero, or what is nearest to it.
-fn anywhere(platform: &Platform) -> Option<Position> {
-    let ranges = platform.gimbals().ranges;
-    let nearest = |range: Option<GimbalRange>| match range {
-        Some(r) => 0.0_f64.clamp(r.low_rad, r.high_rad),
-        None => 0.0,
-    };
-    let angles = ranges.map(nearest);
-    let angles = match Table::new(platform) {
-        Some(table) if table.is_empty() => return None,
-        Some(table) => table.snap(platform, angles),
-        None => angles,
-    };
-    let position = Position::from_array(angles);
-    let all = equivalent_positions(platform, position);
-    Some(all.into_iter().next().unwrap_or(position))
-}
-
 /// By how much the moves of a plan are shortened, in turn, until it is within the time. In the end
 /// the platform stays where it stands.
 const SHORTER_BY: [f64; 23] = [
@@ -173,9 +122,12 @@ pub(super) fn brought_within<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attitude::Position;
     use crate::motion::Timeline;
     use crate::platform::PlatformConfig;
+    use crate::schedule::Schedule;
     use crate::schedule::ScheduledPosition;
+    use crate::search::still::{still, stillest};
 
     fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
         let mut config = PlatformConfig::default();

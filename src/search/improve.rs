@@ -21,9 +21,9 @@ use rayon::prelude::*;
 use super::context::Context;
 use super::insert::insertions;
 use super::order::{moved, neighbours, reversed, with_quickest_positions};
-use super::plan::{Refined, rate};
+use super::plan::Plan;
 use super::propose::random_position;
-use super::variables::Plan;
+use super::rated::{Refined, rate};
 use super::workshop::Workshop;
 use crate::criterion::Smoothing;
 

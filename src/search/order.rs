@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::plan::{Refined, rate};
-use super::variables::Plan;
+use super::plan::Plan;
+use super::rated::{Refined, rate};
 use crate::attitude::Position;
 use crate::criterion::Smoothing;
 use crate::motion::quickest_positions;

@@ -1,48 +1,108 @@
-//! Plans with their merit, at two stages of their making.
+//! Plans: what a search moves.
 
-use super::context::Context;
-use super::variables::Plan;
-use crate::criterion::Smoothing;
+use super::ways::{in_deg, tidied};
+use crate::attitude::Position;
+use crate::error::Result;
+use crate::motion::Timeline;
+use crate::platform::Platform;
+use crate::schedule::{Schedule, ScheduledPosition};
 
-/// A refined plan with its merit.
-#[derive(Debug, Clone)]
-pub struct Refined {
-    /// The plan.
-    pub plan: Plan,
-    /// Its merit (the score, with any penalty), lower is better.
-    pub merit: f64,
+/// Times that differ by this share of the total are equal but for rounding.
+pub(super) const TIME_SLACK: f64 = 1e-12;
+
+/// Angles and dwells of a schedule under work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// (α, β, γ) of each position, rad.
+    pub angles: Vec<[f64; 3]>,
+    /// Dwell at each position, s.
+    pub dwell_s: Vec<f64>,
+    /// About how the gimbals turn on the way to each position, rad: of the ways there are the
+    /// nearest is taken. None: the short way.
+    pub(super) ways: Vec<Option<[f64; 3]>>,
 }
 
-impl Refined {
-    /// The better of two; of equals the first, whatever thread was faster.
-    pub(super) fn better(self, other: Self) -> Self {
-        if other.merit < self.merit {
-            other
-        } else {
-            self
+impl Plan {
+    /// Positions with angles in rad and dwells in s, each reached by the short way.
+    pub fn new(angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Self {
+        Self {
+            ways: vec![None; angles.len()],
+            angles,
+            dwell_s,
         }
     }
-}
 
-/// A plan worked out to the end, with its merit.
-#[derive(Debug, Clone)]
-pub(crate) struct Candidate {
-    pub plan: Plan,
-    pub merit: f64,
-    /// Value of the criterion by the filter's own tick rule.
-    pub criterion: f64,
-}
+    /// The positions as a schedule has them.
+    pub(super) fn entries(&self) -> impl ExactSizeIterator<Item = ScheduledPosition> + '_ {
+        let held = self.angles.iter().zip(&self.dwell_s).zip(&self.ways);
+        held.map(|((angles, &dwell_s), way)| ScheduledPosition {
+            change_deg: way.map(in_deg),
+            ..ScheduledPosition::new(Position::from_array(*angles), dwell_s)
+        })
+    }
 
-/// The plan stretched or shortened to the total time, with its merit; none when it does not fit.
-pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-    let platform = context.evaluator.platform();
-    let plan = plan
-        .clone()
-        .fitted(platform, context.problem.total_time_s)?;
-    context.work.count_evaluations(1);
-    let timeline = plan.timeline(platform);
-    // Here and wherever plans are tried: one whose merit cannot be computed is no candidate. That
-    // none is left is an error of the search, and the winner is evaluated in full.
-    let merit = context.evaluator.merit(&timeline, smoothing).ok()?;
-    merit.is_finite().then_some(Refined { plan, merit })
+    /// The plan as a timeline of `platform`.
+    pub fn timeline(&self, platform: &Platform) -> Timeline {
+        Timeline::unchecked(platform, self.entries())
+    }
+
+    /// The plan as a schedule for `platform`: unlimited axes in (−180°, 180°], ways only where
+    /// they are not the short ones.
+    ///
+    /// # Errors
+    ///
+    /// As [`Schedule::new`].
+    pub fn to_schedule(&self, platform: &Platform) -> Result<Schedule> {
+        Schedule::new(tidied(platform, self.entries()))
+    }
+
+    /// Time in moves and settles, s.
+    pub fn overhead_s(&self, platform: &Platform) -> f64 {
+        self.timeline(platform).overhead_s()
+    }
+
+    /// The plan without position `index`.
+    pub fn without(&self, index: usize) -> Self {
+        let mut plan = self.clone();
+        plan.remove(index);
+        plan
+    }
+
+    /// The plan with every move from position to position shorter by `share` of it: all positions
+    /// closer to the place the plan begins at, and so within the ranges too.
+    pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
+        let mut angles = self.unwound(platform);
+        let Some(&first) = angles.first() else {
+            return self.clone();
+        };
+        let first = platform.standing().map_or(first, Position::to_array);
+        for (angle, first) in angles.iter_mut().flat_map(|a| a.iter_mut().zip(first)) {
+            *angle -= share * (*angle - first);
+        }
+        Self::of_unwound(platform, angles, self.dwell_s.clone())
+    }
+
+    /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
+    /// minimum; none when that is impossible.
+    pub fn fitted(mut self, platform: &Platform, total_time_s: f64) -> Option<Self> {
+        let min_dwell_s = platform.shortest_dwell_s();
+        let count = self.angles.len() as f64;
+        let budget = total_time_s - self.overhead_s(platform);
+        let spare = budget - count * min_dwell_s;
+        if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
+            return None;
+        }
+        let spare = spare.max(0.0);
+        let above: Vec<f64> = self
+            .dwell_s
+            .iter()
+            .map(|d| (d - min_dwell_s).max(0.0))
+            .collect();
+        let sum: f64 = above.iter().sum();
+        for (dwell, above) in self.dwell_s.iter_mut().zip(above) {
+            let share = if sum > 0.0 { above / sum } else { 1.0 / count };
+            *dwell = min_dwell_s + spare * share;
+        }
+        Some(self)
+    }
 }

@@ -7,9 +7,10 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::fit::{LeastTime, brought_within, still};
+use super::fit::{LeastTime, brought_within};
+use super::plan::Plan;
 use super::problem::SearchProblem;
-use super::variables::Plan;
+use super::still::still;
 use crate::attitude::{Attitude, Position};
 use crate::error::Result;
 use crate::evaluate::Evaluator;

@@ -6,8 +6,9 @@
 
 use super::context::Context;
 use super::lbfgs::solver::{self, Merit};
-use super::plan::Refined;
-use super::variables::{Coordinates, Plan, Variables};
+use super::plan::Plan;
+use super::rated::Refined;
+use super::variables::{Coordinates, Variables};
 use crate::criterion::Smoothing;
 
 /// The merit as a function of the variables.
@@ -90,7 +91,7 @@ pub(crate) fn minimise<C: Coordinates>(
 
 #[cfg(test)]
 mod tests {
-    use argmin::core::{CostFunction, Error, Executor, Gradient, State};
+    use argmin::core::{CostFunction, Error, Executor, Gradient};
     use argmin::solver::linesearch::MoreThuenteLineSearch;
     use argmin::solver::quasinewton::LBFGS;
 

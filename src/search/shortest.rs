@@ -9,11 +9,11 @@
 use super::context::{Context, Work};
 use super::fit::LeastTime;
 use super::pipeline::best_candidate;
-use super::plan::Candidate;
+use super::plan::Plan;
 use super::problem::{SearchOutcome, SearchProblem, Status};
 use super::progress::{Control, Phase};
+use super::rated::Candidate;
 use super::tumbling::tumble;
-use super::variables::Plan;
 use super::{
     conclude, missed_specifications, nothing_to_find, refuse_unsupported, search,
     what_depends_on_the_schedule,

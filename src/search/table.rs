@@ -13,10 +13,10 @@ use rayon::prelude::*;
 
 use super::allocate::allocate;
 use super::context::Context;
+use super::cost::{detour_s, price_of_time};
 use super::fit::brought_within;
-use super::insert::{detour_s, price_of_time};
-use super::plan::{Candidate, Refined, rate};
-use super::variables::Plan;
+use super::plan::Plan;
+use super::rated::{Candidate, Refined, rate};
 use super::workshop::Workshop;
 use crate::attitude::{NanoDegrees, Position, deg_of_rad};
 use crate::covariance::TickRule;

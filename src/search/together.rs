@@ -12,8 +12,9 @@ use rayon::prelude::*;
 
 use super::context::Context;
 use super::lbfgs::{Ended, Lbfgs, Minimised, Progress};
-use super::plan::Refined;
-use super::variables::{Coordinates, Plan, Variables};
+use super::plan::Plan;
+use super::rated::Refined;
+use super::variables::{Coordinates, Variables};
 use crate::criterion::Smoothing;
 
 /// Plans on their way at a time: as many as the widest registers have lanes.

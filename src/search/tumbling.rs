@@ -11,8 +11,9 @@
 
 use super::context::Context;
 use super::finish::{round_angles, whole_periods};
+use super::plan::Plan;
 use super::refine::minimise;
-use super::variables::{AngleMap, Coordinates, Plan, add_move_times, add_return, shares};
+use super::variables::{AngleMap, Coordinates, add_move_times, add_return, shares};
 use super::ways::{in_deg, straight_ways, tidied};
 use crate::attitude::Position;
 use crate::covariance::TickRule;

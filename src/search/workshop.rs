@@ -1,8 +1,8 @@
 //! What works a plan out: with free angles or on an index table.
 
 use super::context::Context;
-use super::plan::{Candidate, Refined};
-use super::variables::Plan;
+use super::plan::Plan;
+use super::rated::{Candidate, Refined};
 use crate::criterion::Smoothing;
 
 /// The steps of a search that differ between free angles and an index table.

@@ -264,8 +264,12 @@ fn where_nothing_is_measured_the_prior_is_the_bound() {
         c.prior.constant_drift_deg_per_h = zero;
         c.prior.g_sensitive_drift_deg_per_h_per_g = crate::platform::GSensitivePrior::All(zero);
     }));
-    let error = known.bound(&Criterion::D, 1000.0).unwrap_err();
-    assert_eq!(error.key(), Some("prior"));
+    let nothing = known.bound(&Criterion::D, 1000.0).unwrap();
+    assert_eq!(nothing.lower_bound, 0.0);
+    assert!(matches!(
+        nothing.remarks[..],
+        [crate::certificate::Remark::KnownBefore(_)]
+    ));
     assert!(
         certifier
             .bound(&Criterion::rms(), 0.0)

@@ -1,0 +1,53 @@
+//! The plan that stays where it is: where little fits, it does.
+
+use super::plan::Plan;
+use super::table::Table;
+use crate::attitude::Position;
+use crate::error::{Error, Result};
+use crate::motion::equivalent_positions;
+use crate::platform::{GimbalRange, Platform};
+use crate::schedule::Schedule;
+
+/// The plan that does nothing but hold one position: where the platform stands, or any that it can
+/// take. None only on an index table without a setting.
+pub(super) fn still(platform: &Platform) -> Option<Plan> {
+    let position = match platform.standing() {
+        Some(position) => position,
+        None => anywhere(platform)?,
+    };
+    Some(Plan::new(
+        vec![position.to_array()],
+        vec![platform.shortest_dwell_s()],
+    ))
+}
+
+/// The same as a schedule of the least time.
+pub(super) fn stillest(platform: &Platform) -> Result<Schedule> {
+    still(platform)
+        .ok_or_else(no_setting)?
+        .to_schedule(platform)
+}
+
+/// No position can be set.
+pub(super) fn no_setting() -> Error {
+    Error::infeasible("no multiple of the index step lies within a gimbal's range")
+        .with_key("gimbals.step_deg")
+}
+
+/// A position that the platform can take: zero, or what is nearest to it.
+fn anywhere(platform: &Platform) -> Option<Position> {
+    let ranges = platform.gimbals().ranges;
+    let nearest = |range: Option<GimbalRange>| match range {
+        Some(r) => 0.0_f64.clamp(r.low_rad, r.high_rad),
+        None => 0.0,
+    };
+    let angles = ranges.map(nearest);
+    let angles = match Table::new(platform) {
+        Some(table) if table.is_empty() => return None,
+        Some(table) => table.snap(platform, angles),
+        None => angles,
+    };
+    let position = Position::from_array(angles);
+    let all = equivalent_positions(platform, position);
+    Some(all.into_iter().next().unwrap_or(position))
+}
