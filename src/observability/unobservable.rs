@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::Combination;
 use super::regressor::{Channel, Regressor, UNKNOWNS};
 use super::row_space::{RowSpace, unit};
-use crate::attitude::{EAST, NORTH, Position, UP};
+use crate::attitude::{EAST, NORTH, NanoDegrees, Position, UP};
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix, drift_matrix};
 use crate::error::Result;
@@ -30,6 +30,7 @@ use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::Schedule;
+use crate::units::RAD_PER_DEG;
 
 /// A σ that is this part of the prior's is an improvement, whatever the row space says.
 pub const USEFUL: f64 = 0.1;
@@ -89,7 +90,12 @@ impl Unobservable {
         }
         let observable = space(rows_of_stand(platform, model));
         let accepts = |c: &DriftCoefficient| evaluator.objective().accept_unobservable[c.index()];
-        let hopeless = |c: &DriftCoefficient| !observable.contains(&unit(c.index()));
+        // What only ω_N ψ_y(0) stands in the way of is known through the prior of the misalignment
+        // by a schedule with enough positions: the stand is not to blame.
+        let mut with_azimuth = rows_of_stand(platform, model);
+        with_azimuth.push(unit(COEFFICIENTS));
+        let reachable = space(with_azimuth);
+        let hopeless = |c: &DriftCoefficient| !reachable.contains(&unit(c.index()));
         let (accepted, missed): (Vec<_>, Vec<_>) = missed.into_iter().partition(accepts);
         let by_stand = missed.iter().chain(&accepted).any(hopeless);
         let (on_this_stand, by_this_schedule) = missed.into_iter().partition(hopeless);
@@ -204,25 +210,19 @@ fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
             .collect()
     };
     let fixed = |low: f64, high: f64| high <= low;
-    let Some(step) = gimbals.step_rad else {
+    let Some(settings) = gimbals.settings_deg(axis) else {
         return match gimbals.ranges[axis] {
             Some(r) if fixed(r.low_rad, r.high_rad) => vec![r.low_rad],
             _ => all_around(),
         };
     };
-    let first = gimbals.ranges[axis].map_or(0.0, |r| (r.low_rad / step - 0.5).floor());
-    let mut settings: Vec<f64> = Vec::new();
-    // From below the range to so many settings in it, or around to one that was there before.
-    for k in 0..ENOUGH + 2 {
-        let angle = (first + k as f64) * step;
-        let turns = |known: &f64| ((angle - known) / TAU - ((angle - known) / TAU).round()).abs();
-        if gimbals.refusal(axis, angle).is_none()
-            && settings.iter().all(|known| turns(known) > 1e-9)
-            && settings.len() < ENOUGH
-        {
-            settings.push(angle);
+    let mut turns: Vec<NanoDegrees> = Vec::new();
+    for setting in settings.map(|deg| NanoDegrees::nearest(deg).wrapped()) {
+        if turns.len() < ENOUGH && !turns.contains(&setting) {
+            turns.push(setting);
         }
     }
+    let settings: Vec<f64> = turns.iter().map(|turn| turn.deg() * RAD_PER_DEG).collect();
     // A move passes what lies between its ends.
     match platform.motion().repositioning {
         Repositioning::Slew if settings.len() > 1 => all_around(),
