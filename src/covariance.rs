@@ -22,6 +22,7 @@ pub mod filter;
 pub mod gradient;
 pub mod history;
 pub mod kernel;
+mod kernel_table;
 pub(crate) mod link;
 pub(crate) mod real;
 mod root;
@@ -40,7 +41,7 @@ use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
 use fast::information::PriorScale;
-use kernel::KernelTable;
+use kernel_table::KernelTable;
 pub(crate) use root::Rooted;
 pub use root::{CoefficientCovariance, CovarianceRoot, Slope};
 

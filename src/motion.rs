@@ -17,7 +17,10 @@
 
 mod equivalents;
 pub(crate) mod integral;
+mod scaled;
 mod way;
+
+pub use crate::schedule::periods::MAX_FILTER_PERIODS;
 
 use std::ops::Range;
 
@@ -106,9 +109,6 @@ pub struct Timeline {
     /// and return.
     positions: Range<usize>,
 }
-
-/// Most filter periods a timeline may have: the step-by-step filter visits each of them.
-pub const MAX_FILTER_PERIODS: f64 = 2e6;
 
 impl Timeline {
     /// Resolves `schedule` on `platform`.

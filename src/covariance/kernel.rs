@@ -27,11 +27,8 @@
 //! In W the columns are eliminated in the order ψ_x, ψ_z, ψ_y, ε_x, ε_z, ε_y: strongest first,
 //! which grades the rows and keeps the weak ones accurate.
 
-use std::sync::OnceLock;
-
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::fast::gains::DwellNumbers;
 use super::small::whitener;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::dynamics::ErrorDynamics;
@@ -66,7 +63,7 @@ pub struct Kernel {
 
 /// The element in the factored form that composes: W (6×6), Φ̃ = [a_psi a_epsilon; 0 I], U.
 #[derive(Debug, Clone, Copy)]
-struct Element {
+pub(super) struct Element {
     w: Matrix6,
     a_psi: Matrix3<f64>,
     a_epsilon: Matrix3<f64>,
@@ -75,7 +72,7 @@ struct Element {
 
 impl Element {
     /// No time at all.
-    fn identity() -> Self {
+    pub(super) fn identity() -> Self {
         Self {
             w: Matrix6::zeros(),
             a_psi: Matrix3::identity(),
@@ -85,7 +82,7 @@ impl Element {
     }
 
     /// One period: propagate, then measure ψ_x and ψ_z (9) with variance r².
-    fn one_period(dynamics: &ErrorDynamics, period_s: f64, q: f64, r2: f64) -> Self {
+    pub(super) fn one_period(dynamics: &ErrorDynamics, period_s: f64, q: f64, r2: f64) -> Self {
         let (phi, gamma) = (dynamics.transition(period_s), dynamics.integral(period_s));
         let process = q * period_s;
         let innovation_sigma = (r2 + process).sqrt();
@@ -108,7 +105,7 @@ impl Element {
     }
 
     /// This element, then `next`.
-    fn then(&self, next: &Self) -> Self {
+    pub(super) fn then(&self, next: &Self) -> Self {
         // The next element's scalars seen from this one's start: W2 Φ̃1 x + W2 U1 ξ + noise.
         let w2_psi = next.w.fixed_columns::<3>(0);
         let w2_epsilon = next.w.fixed_columns::<3>(3);
@@ -142,7 +139,7 @@ impl Element {
         }
     }
 
-    fn split(&self) -> Kernel {
+    pub(super) fn split(&self) -> Kernel {
         let block = |i: usize, j: usize| self.w.fixed_view::<3, 3>(i, j).into_owned();
         let (r11, r12, r22) = (block(0, 0), block(0, 3), block(3, 3));
         Kernel {
@@ -197,111 +194,6 @@ fn add_covariance_roots(u1: &Matrix3<f64>, u2: &Matrix3<f64>) -> Matrix3<f64> {
     stacked.qr().r().transpose()
 }
 
-/// How many durations (in periods) are remembered.
-const REMEMBERED: usize = 4096;
-/// Doublings kept: up to 2^32 periods.
-const DOUBLINGS: usize = 33;
-
-/// Kernels by number of periods. Made on first use, then shared between threads; a kernel's
-/// bits depend on the number of periods only, never on what was asked before.
-#[derive(Debug)]
-pub struct KernelTable {
-    one_period: Element,
-    doublings: [OnceLock<Box<Element>>; DOUBLINGS],
-    remembered: Box<[OnceLock<Box<Remembered>>]>,
-}
-
-/// A kernel in the table.
-#[derive(Debug)]
-struct Remembered {
-    kernel: Kernel,
-    numbers: DwellNumbers,
-}
-
-impl Remembered {
-    fn new(kernel: Kernel) -> Self {
-        Self {
-            numbers: DwellNumbers::new(&kernel),
-            kernel,
-        }
-    }
-}
-
-/// A kernel from the table, or made for a duration that is not remembered.
-#[derive(Debug)]
-pub(crate) enum LookedUp<'a> {
-    Remembered(&'a DwellNumbers),
-    Made(Box<DwellNumbers>),
-}
-
-impl LookedUp<'_> {
-    /// The kernel.
-    #[inline]
-    pub fn get(&self) -> &DwellNumbers {
-        match self {
-            Self::Remembered(numbers) => numbers,
-            Self::Made(numbers) => numbers,
-        }
-    }
-}
-
-impl KernelTable {
-    /// The table for a period (s), drift PSD q (arcsec²/s) and measurement variance r² (arcsec²).
-    pub(crate) fn new(dynamics: ErrorDynamics, period_s: f64, q: f64, r2: f64) -> Self {
-        Self {
-            one_period: Element::one_period(&dynamics, period_s, q, r2),
-            doublings: std::array::from_fn(|_| OnceLock::new()),
-            remembered: (0..REMEMBERED).map(|_| OnceLock::new()).collect(),
-        }
-    }
-
-    /// The kernel of a dwell of `periods` filter periods.
-    pub fn kernel(&self, periods: usize) -> Kernel {
-        match self.remember(periods) {
-            Some(remembered) => remembered.kernel,
-            None => self.compose(periods),
-        }
-    }
-
-    /// The same as the straight-line chain reads it.
-    #[inline]
-    pub(crate) fn numbers(&self, periods: usize) -> LookedUp<'_> {
-        match self.remember(periods) {
-            Some(remembered) => LookedUp::Remembered(&remembered.numbers),
-            None => LookedUp::Made(Box::new(DwellNumbers::new(&self.compose(periods)))),
-        }
-    }
-
-    #[inline]
-    fn remember(&self, periods: usize) -> Option<&Remembered> {
-        let cell = self.remembered.get(periods)?;
-        Some(cell.get_or_init(|| Box::new(Remembered::new(self.compose(periods)))))
-    }
-
-    /// 2^k periods.
-    fn doubling(&self, k: usize) -> &Element {
-        self.doublings[k].get_or_init(|| {
-            Box::new(match k {
-                0 => self.one_period,
-                _ => {
-                    let half = self.doubling(k - 1);
-                    half.then(half)
-                }
-            })
-        })
-    }
-
-    fn compose(&self, periods: usize) -> Kernel {
-        let mut element = Element::identity();
-        for k in 0..DOUBLINGS {
-            if periods >> k & 1 == 1 {
-                element = element.then(self.doubling(k));
-            }
-        }
-        element.split()
-    }
-}
-
 /// How well one dwell on its own, its start unknown, tells the channels of ε^n: 1/σ of each,
 /// (°/h)⁻¹; zero where the dwell is too short, or at the poles, to tell it.
 ///
@@ -346,6 +238,7 @@ fn channel_weights(r11: &Matrix3<f64>, r12: &Matrix3<f64>, r22: &Matrix3<f64>) -
 mod tests {
     use super::*;
     use crate::attitude::earth_rate_n;
+    use crate::covariance::kernel_table::KernelTable;
 
     const Q: f64 = 1e-3;
     const R2: f64 = 4.254;

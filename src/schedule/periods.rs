@@ -1,6 +1,7 @@
 //! Durations as whole filter periods: the tick of the filter ends each of them.
 
-use crate::motion::MAX_FILTER_PERIODS;
+/// Most filter periods a timeline may have: the step-by-step filter visits each of them.
+pub const MAX_FILTER_PERIODS: f64 = 2e6;
 
 /// Durations to whole periods by largest remainder, none of fewer than `fewest` periods, filling
 /// `budget_s` but for less than a period; none when that is impossible.

@@ -166,9 +166,9 @@ fn gradients_are_those_of_single_schedules() {
     }
 }
 
-struct KnownExactly(CovarianceRoot);
+struct Given(CovarianceRoot);
 
-impl CoefficientCovariance for KnownExactly {
+impl CoefficientCovariance for Given {
     fn matrix(&self) -> &CoefficientMatrix {
         self.0.matrix()
     }
@@ -192,9 +192,10 @@ fn one_bad_schedule_does_not_upset_the_others() {
         if value < worst {
             return Ok((value, slope));
         }
-        // Nothing of it is unknown: has no determinant.
-        let known = KnownExactly(CovarianceRoot::independent(&CoefficientVector::zeros()));
-        Criterion::D.log_with_gradient(&known, Smoothing::Exact)
+        // Without a number there is no determinant.
+        let sigma = CoefficientVector::repeat(f64::NAN);
+        let lost = Given(CovarianceRoot::independent(&sigma));
+        Criterion::D.log_with_gradient(&lost, Smoothing::Exact)
     };
     let found = model.gradients(&timelines, TickRule::Relaxed, refusing);
     let refused = found.iter().filter(|r| r.is_err()).count();

@@ -31,7 +31,7 @@ use super::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_di
 use super::moves::{Interval, Turn};
 use super::single::OneTimeline;
 use super::{Place, attitude_entries};
-use crate::covariance::kernel::LookedUp;
+use crate::covariance::kernel_table::LookedUp;
 use crate::covariance::{
     CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite,
     split_periods,
