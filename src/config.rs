@@ -17,15 +17,15 @@
 //! # Ok::<(), scheme_opt::Error>(())
 //! ```
 
-mod config;
 mod keys;
 mod per_coefficient;
 mod source;
+mod tables;
 mod task;
 
-pub use config::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};
 pub use per_coefficient::PerCoefficient;
 pub use source::{DEFAULT_TOML, StudySource};
+pub use tables::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};
 
 use serde::{Deserialize, Serialize};
 

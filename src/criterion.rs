@@ -166,7 +166,7 @@ impl Criterion {
         let all = DriftCoefficient::ALL.into_iter();
         let counting: Vec<DriftCoefficient> = all.filter(|c| self.counts(*c)).collect();
         let open = counting.iter().any(|c| prior_sigma[c.index()] > 0.0);
-        (!open).then(|| KnownBefore {
+        (!open).then_some(KnownBefore {
             criterion: *self,
             coefficients: counting,
         })

@@ -23,6 +23,8 @@
 //! anything are both repeated in numbers of 32 digits, which then must agree; the difference that
 //! there was in doubles is kept ([`Evaluation::first_disagreement`]).
 
+mod disagreement;
+
 use crate::covariance::chain::WithPrecision;
 use crate::covariance::filter::{self, instrument::Instrument};
 use crate::covariance::gradient::LegGradient;
@@ -32,16 +34,16 @@ use crate::covariance::{
     CoefficientCovariance, CovarianceModel, EndCovariance, Precision, Slope, TickRule,
 };
 use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
-use crate::error::{Error, Result};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
 use crate::observability::separability::LogSeparability;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
-
-/// Largest relative difference of a σ between the two computations.
-pub const AGREEMENT: f64 = 1e-6;
+pub(crate) use disagreement::MISALIGNMENT_NAMES;
+use disagreement::compare;
+pub use disagreement::{AGREEMENT, CORRELATION_AGREEMENT, Compared, Disagreement};
 
 /// What makes one schedule better than another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,74 +144,6 @@ impl Evaluation {
     pub fn logdet_deg_per_h(&self) -> Option<f64> {
         let (log_det, open) = self.end.root.log_determinant();
         (open == COEFFICIENTS).then_some(log_det)
-    }
-}
-
-/// Largest difference of a correlation between the two computations. σ does not know the sign of a
-/// coefficient's column, correlations do; rounding turns them by as much as it changes σ, but in
-/// every direction.
-pub const CORRELATION_AGREEMENT: f64 = 1e-5;
-
-/// Where the two computations differ by more than [`AGREEMENT`] or [`CORRELATION_AGREEMENT`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disagreement {
-    /// In what.
-    pub of: Compared,
-    /// By the dwell kernels: σ in °/h, of a misalignment in arcsec; a correlation.
-    pub kernels: f64,
-    /// The same by the step-by-step filter.
-    pub filter: f64,
-    /// Their difference, of a σ relative to it; infinite where one is not a number.
-    pub difference: f64,
-}
-
-/// A number that is computed twice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Compared {
-    /// σ of a coefficient.
-    Coefficient(DriftCoefficient),
-    /// σ of ψ^n about North, Up or East: 0, 1, 2.
-    Misalignment(usize),
-    /// The correlation of two coefficients.
-    Correlation(DriftCoefficient, DriftCoefficient),
-}
-
-impl Compared {
-    /// `D_FX` … `D_SZ`, `psi_nx`, `psi_ny`, `psi_nz`; of a correlation both, as `D_FX, D_SX`.
-    pub fn name(self) -> String {
-        match self {
-            Self::Coefficient(c) => c.name().to_owned(),
-            Self::Misalignment(axis) => MISALIGNMENT_NAMES[axis].to_owned(),
-            Self::Correlation(a, b) => format!("{}, {}", a.name(), b.name()),
-        }
-    }
-
-    /// `deg/h`, `arcsec` or `1`.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Coefficient(_) => "deg/h",
-            Self::Misalignment(_) => "arcsec",
-            Self::Correlation(..) => "1",
-        }
-    }
-}
-
-/// Names of the components of ψ^n: North, Up, East.
-pub(crate) const MISALIGNMENT_NAMES: [&str; 3] = ["psi_nx", "psi_ny", "psi_nz"];
-
-impl Disagreement {
-    fn error(self) -> Error {
-        let what = match self.of {
-            Compared::Coefficient(_) | Compared::Misalignment(_) => "sigmas",
-            Compared::Correlation(..) => "correlations",
-        };
-        let (of, unit) = (self.of.name(), self.of.unit());
-        Error::disagreement(format!(
-            "the dwell kernels and the step-by-step filter give different {what} of {of} ({:e} and \
-             {:e} {unit}); neither is printed as a result",
-            self.kernels, self.filter,
-        ))
-        .with_key(&of)
     }
 }
 
@@ -591,77 +525,12 @@ fn why_lost(timeline: &Timeline) -> &'static str {
     }
 }
 
-/// The largest relative difference of a σ between two computations of the same covariance, or the
-/// first that is too large; `noise_arcsec` is that of a measurement.
-fn compare(
-    kernels: &EndCovariance,
-    filter: &EndCovariance,
-    noise_arcsec: f64,
-) -> std::result::Result<f64, Disagreement> {
-    // A misalignment known exactly is one far below the noise to the filter.
-    let least = noise_arcsec * f64::KNOWN / AGREEMENT;
-    let (a, b) = (kernels.sigma_deg_per_h(), filter.sigma_deg_per_h());
-    let coefficients = DriftCoefficient::ALL.into_iter().map(|c| {
-        let (a, b) = (a[c.index()], b[c.index()]);
-        (Compared::Coefficient(c), a, b, b)
-    });
-    let (psi_a, psi_b) = (
-        kernels.misalignment_sigma_arcsec(),
-        filter.misalignment_sigma_arcsec(),
-    );
-    let misalignment = (0..3).map(|axis| {
-        let (a, b) = (psi_a[axis], psi_b[axis]);
-        (Compared::Misalignment(axis), a, b, b.max(2.0 * least))
-    });
-    let mut worst = 0.0_f64;
-    for (of, kernels, filter, scale) in coefficients.chain(misalignment) {
-        // A coefficient known exactly has σ = 0 in both.
-        let difference = if kernels == filter {
-            0.0
-        } else {
-            (kernels - filter).abs() / scale
-        };
-        worst = worst.max(agreed(of, [kernels, filter, difference], AGREEMENT)?);
-    }
-    for (i, first) in DriftCoefficient::ALL.into_iter().enumerate() {
-        for (j, second) in DriftCoefficient::ALL.into_iter().enumerate().take(i) {
-            if b[i] > 0.0 && b[j] > 0.0 {
-                let of = Compared::Correlation(second, first);
-                let correlation = |end: &EndCovariance| end.coefficients[(i, j)] / (b[i] * b[j]);
-                let (kernels, filter) = (correlation(kernels), correlation(filter));
-                let difference = (kernels - filter).abs();
-                agreed(of, [kernels, filter, difference], CORRELATION_AGREEMENT)?;
-            }
-        }
-    }
-    Ok(worst)
-}
-
-/// The difference of what the two computations give, unless it is more than `most`.
-fn agreed(
-    of: Compared,
-    [kernels, filter, difference]: [f64; 3],
-    most: f64,
-) -> std::result::Result<f64, Disagreement> {
-    if difference <= most {
-        return Ok(difference);
-    }
-    Err(Disagreement {
-        of,
-        kernels,
-        filter,
-        difference: if difference.is_nan() {
-            f64::INFINITY
-        } else {
-            difference
-        },
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::attitude::Position;
+    use crate::drift::DriftCoefficient;
+    use crate::error::Error;
     use crate::platform::{AxisValue, GSensitivePrior, PlatformConfig};
     use crate::schedule::ScheduledPosition;
 

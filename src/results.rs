@@ -61,8 +61,6 @@ pub const RESULT_SCHEMA: &str = "scheme-opt/result/1";
 /// Version of the program, as documents carry it.
 pub const TOOL_VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Names of the misalignment components about North, Up and East.
-
 /// The inputs of a run: the study as resolved, and which of its keys nobody gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inputs {

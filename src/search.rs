@@ -38,7 +38,7 @@ mod journal;
 mod lbfgs;
 pub mod order;
 mod pipeline;
-mod plan;
+pub mod plan;
 mod problem;
 mod progress;
 pub mod propose;

@@ -18,7 +18,8 @@ use scheme_opt::internals::covariance::TickRule;
 use scheme_opt::internals::evaluate::Evaluator;
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::schedule::Schedule;
-use scheme_opt::internals::search::variables::{Plan, Variables};
+use scheme_opt::internals::search::plan::Plan;
+use scheme_opt::internals::search::variables::Variables;
 
 use crate::problems::Problem;
 

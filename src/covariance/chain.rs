@@ -93,7 +93,6 @@ pub(crate) trait InformationSink {
 pub(crate) struct Gram(pub crate::drift::CoefficientMatrix);
 
 #[cfg(test)]
-
 impl InformationSink for Gram {
     fn add(&mut self, rows: &DriftMatrix) {
         self.0.gemm_tr(1.0, rows, rows, 1.0);

@@ -23,7 +23,7 @@
 //! # What it shares with the kernels, and what not
 //!
 //! Of its own are: the attitude, as the product of three turns, with its own sines; the gyros, by
-//! their input, output and spin axes in (3); whole filter periods ([`instrument`]); Φ and Γ, by a
+//! their input, output and spin axes in (3); whole filter periods (`instrument`); Φ and Γ, by a
 //! Taylor series; the drift integral of a move, by Runge–Kutta steps; every factorisation, faer's.
 //! It knows nothing of dwells, of gains, or of covariance. Shared with the
 //! [`chain`](super::chain) are:

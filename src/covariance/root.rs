@@ -147,6 +147,10 @@ impl CoefficientCovariance for Rooted {
 }
 
 /// The derivative of a figure of merit f with respect to P_D.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one lives at a time, on the stack of every gradient: a box would cost more"
+)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Slope {
     /// ∂f/∂P_ii: only the variances count.

@@ -11,7 +11,7 @@
 //! 2. (23), second term: printed D_FZ, must be **D_FY** (cosα cosγ + sinα sinβ sinγ).
 //! 3. (23), the term (D_OX sinγ − D_OY cosγ) sinα cosβ sinβ: the last factor must be **cosα**.
 //! 4. (4) prints −g^n; with it the input axes would point backwards. The specific force in (3)
-//!    is g^c with the axes of [`super`].
+//!    is g^c with the axes of the `drift` module.
 //!
 //! [`printed`] keeps the formulas as printed, so that tests can show that they do not hold.
 

@@ -46,6 +46,9 @@ pub struct Progress {
     pub criterion: Option<f64>,
 }
 
+/// What is told of every report.
+type Watcher = dyn Fn(&Progress) + Send + Sync;
+
 /// Watches and stops a search from outside. Owns what it holds, so that it can be kept, cloned and
 /// handed to other threads and languages.
 ///
@@ -66,7 +69,7 @@ pub struct Progress {
 #[derive(Clone, Default)]
 pub struct Control {
     cancel: Arc<AtomicBool>,
-    progress: Option<Arc<dyn Fn(&Progress) + Send + Sync>>,
+    progress: Option<Arc<Watcher>>,
     deadline: Option<Instant>,
     journal: Option<Arc<Journal>>,
 }

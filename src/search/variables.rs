@@ -1,11 +1,11 @@
 //! The free variables behind a plan.
 //!
-//! A [`Plan`] is angles and dwells within limits. An optimiser without constraints moves
+//! A `Plan` is angles and dwells within limits. An optimiser without constraints moves
 //! [`Variables`] instead: an unlimited gimbal's angle is its own variable, a limited one is
 //! `middle + half range · sin u`; the dwells share what moves, settles and minimum dwells leave
 //! of the total time in the proportions `softmax(z)`. So every point is within the limits and
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
-//! The whole turns of every way stay as they are while the variables move ([`super::ways`]).
+//! The whole turns of every way stay as they are while the variables move (`super::ways`).
 
 use super::plan::Plan;
 use crate::covariance::gradient::LegGradient;

@@ -268,6 +268,10 @@ fn a_period_alone_says_what_the_defaults_mean_now() {
 }
 
 #[test]
+#[allow(
+    clippy::approx_constant,
+    reason = "what somebody writes who writes radians"
+)]
 fn schedules_in_other_units_are_recognised() {
     let turns = [
         [0.0, 0.0, 0.0, 1000.0],

@@ -173,15 +173,15 @@ impl CovarianceModel {
     }
 }
 
+/// A figure of merit of P_D.
+type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
+
 /// What is wanted of P_D at the end of a timeline.
 enum Wanted<'a> {
     /// The value of a figure of merit.
-    Value(&'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<f64>),
+    Value(Merit<'a, f64>),
     /// Its derivatives too, leg by leg.
-    Gradient(
-        &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
-        &'a mut [LegGradient],
-    ),
+    Gradient(Merit<'a, (f64, Slope)>, &'a mut [LegGradient]),
 }
 
 /// The end of a timeline, and what is wanted of it.

@@ -211,7 +211,8 @@ fn it_says_how_it_ended() {
     };
     // Its gradient points up where it falls.
     let liar = |x: &[f64]| Some((x[0], vec![-1.0]));
-    let by = |start: &[f64], iterations, of: fn(&[f64]) -> Option<(f64, Vec<f64>)>| {
+    type WithGradient = fn(&[f64]) -> Option<(f64, Vec<f64>)>;
+    let by = |start: &[f64], iterations, of: WithGradient| {
         minimised(start.to_vec(), iterations, of).ended.termination
     };
     assert_eq!(by(&[1.0], 50, bowl), Termination::GradientConverged);
