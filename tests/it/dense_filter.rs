@@ -83,7 +83,7 @@ fn pi() -> Float {
                 0 => sum += term,
                 _ => sum -= term,
             }
-            power = power / float(n * n);
+            power /= float(n * n);
         }
         sum
     };
