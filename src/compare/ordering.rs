@@ -389,7 +389,7 @@ mod tests {
 
     #[test]
     fn eight_positions_and_few_steps() {
-        let config = platforms().swap_remove(2);
+        let config = platforms().swap_remove(1);
         let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
         let mut positions = StandardScheme::Icosahedron12.positions();
         positions.truncate(8);
