@@ -224,7 +224,8 @@ mod tests {
 
     #[test]
     fn a_planted_divergence_is_found_by_its_sign() {
-        let plants: [(fn(&mut RunSquares), Sign, usize); 5] = [
+        type Plant = fn(&mut RunSquares);
+        let plants: [(Plant, Sign, usize); 5] = [
             (|r| r.nees = 1e6, Sign::Error, 0),
             (|r| r.nees = 110.0, Sign::Error, 0),
             (|r| r.nis = 3000.0, Sign::Residuals, 1),
