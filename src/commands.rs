@@ -237,6 +237,7 @@ pub struct CommandDocument {
     pub commands: Vec<CommandRecord>,
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(default))]
     pub warnings: Vec<WarningRecord>,
 }
 

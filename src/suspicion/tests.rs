@@ -275,13 +275,13 @@ fn a_period_alone_says_what_the_defaults_mean_now() {
 fn schedules_in_other_units_are_recognised() {
     let turns = [
         [0.0, 0.0, 0.0, 1000.0],
-        [1.5708, 0.0, 0.0, 1000.0],
-        [3.1416, 0.7854, -2.3562, 1000.0],
+        [1.0472, 0.0, 0.0, 1000.0],
+        [2.9671, 0.8727, -2.3562, 1000.0],
     ];
     let found = of_positions(&turns);
     assert_eq!((found.len(), found[0].key.as_str()), (1, "positions"));
     assert!(
-        found[0].message().contains("3.1416 rad, is 180.0 deg"),
+        found[0].message().contains("2.9671 rad, is 170.0 deg"),
         "{}",
         found[0]
     );

@@ -244,7 +244,7 @@ fn a_diverged_run_is_counted_and_nothing_is_met() {
     assert_eq!(judged.specification.unwrap().decision, Decision::NotMet);
     assert!(judged.sentences[0].starts_with("1 of 100 runs diverged"));
     for sentence in &judged.sentences {
-        let says_well = ["is met:", "is consistent", "as planned"];
+        let says_well = ["is met:", "is consistent", ", as planned"];
         assert!(
             !says_well.iter().any(|w| sentence.contains(w)),
             "{sentence}"

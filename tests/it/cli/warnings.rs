@@ -20,9 +20,8 @@ const DOUBTFUL: &str = "[site]\nlatitude_deg = 0.4922\n[filter]\nperiod_s = 1\n\
 fn every_command_that_reads_a_schedule_names_what_is_doubtful_in_it() {
     let desk = Desk::new();
     desk.write("s.csv", RADIANS_AND_MINUTES);
-    let commands: [&[&str]; 5] = [
+    let commands: [&[&str]; 4] = [
         &["evaluate", "-s", "s.csv"],
-        &["analyze", "-s", "s.csv"],
         &["simulate", "-s", "s.csv", "--runs", "4"],
         &["commands", "-s", "s.csv"],
         &["compare", "s.csv"],
@@ -50,6 +49,19 @@ fn every_command_that_reads_a_schedule_names_what_is_doubtful_in_it() {
                 .contains("25 min is 1500 s")
         );
     }
+}
+
+/// What is nearly one position has little to analyse, so here only the dwells are doubtful.
+#[test]
+fn an_analysis_names_what_is_doubtful_in_its_schedule() {
+    let desk = Desk::new();
+    desk.write("s.csv", SCHEDULE.replace("00\n", "\n"));
+    let run = desk.run(&["analyze", "-s", "s.csv", "--json"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let part = "warning: s.csv: positions = dwells up to 15 s: the dwells look like minutes";
+    assert!(run.stderr.contains(part), "{}", run.stderr);
+    let document: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(document["warnings"].as_array().unwrap().len(), 1);
 }
 
 #[test]
