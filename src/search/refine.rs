@@ -87,3 +87,94 @@ pub(crate) fn minimise<C: Coordinates>(
     context.work.count_refinement(minimised.ended);
     minimised.best
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use argmin::core::{CostFunction, Error, Executor, Gradient};
+    use argmin::solver::linesearch::MoreThuenteLineSearch;
+    use argmin::solver::quasinewton::LBFGS;
+
+    use super::*;
+    use crate::evaluate::{Evaluator, Objective};
+    use crate::platform::PlatformConfig;
+    use crate::search::context::Work;
+    use crate::search::problem::SearchProblem;
+    use crate::search::progress::Control;
+    use crate::search::propose::starts;
+    use crate::search::together::refine_all;
+
+    impl<C: Coordinates> CostFunction for &MeritOf<'_, C> {
+        type Param = Vec<f64>;
+        type Output = f64;
+        fn cost(&self, x: &Vec<f64>) -> Result<f64, Error> {
+            // Far above any merit, but finite, so that its line search can turn back.
+            Ok(self.with_gradient(x).map_or(1e10, |found| found.0))
+        }
+    }
+
+    impl<C: Coordinates> Gradient for &MeritOf<'_, C> {
+        type Param = Vec<f64>;
+        type Gradient = Vec<f64>;
+        fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Error> {
+            let none = || vec![0.0; x.len()];
+            Ok(self.with_gradient(x).map_or_else(none, |found| found.1))
+        }
+    }
+
+    /// The merit that argmin's own L-BFGS comes to; infinite where it comes to none.
+    fn by_argmins_own(merit: &MeritOf<'_, Variables<'_>>, start: Vec<f64>) -> f64 {
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 20)
+            .with_tolerance_grad(1e-5)
+            .and_then(|s| s.with_tolerance_cost(1e-9))
+            .unwrap();
+        let done = Executor::new(merit, solver)
+            .configure(|state| state.param(start).max_iters(400))
+            .run();
+        done.map_or(f64::INFINITY, |done| done.state().get_best_cost())
+    }
+
+    #[test]
+    fn plans_are_worked_out_as_well_as_by_argmins_own() {
+        for slew_rate_deg_per_s in [None, Some(0.5)] {
+            let mut config = PlatformConfig::default();
+            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s;
+            let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+            let problem = SearchProblem {
+                starts: 12,
+                ..SearchProblem::default()
+            };
+            let cancel = AtomicBool::new(false);
+            let control = Control::new(&cancel, &|_| {});
+            let context = Context {
+                evaluator: &evaluator,
+                problem: &problem,
+                control: &control,
+                work: &Work::default(),
+            };
+            let smoothing = Smoothing::Exact;
+            // Screened: near enough to a minimum that both should come to the same one.
+            let plans = starts(&evaluator, &problem).unwrap();
+            let screened = refine_all(context, plans, smoothing, 90);
+            let variables =
+                Variables::angles_and_dwells(evaluator.platform(), problem.total_time_s);
+            let merit = MeritOf {
+                context,
+                variables: &variables,
+                smoothing,
+            };
+            let gains: Vec<f64> = screened
+                .into_iter()
+                .flatten()
+                .map(|screened| {
+                    let ours = refine(context, &screened.plan, smoothing, 400).unwrap();
+                    by_argmins_own(&merit, variables.encode(&screened.plan)) - ours.merit
+                })
+                .collect();
+            let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+            println!("{mean:e}: {gains:?}");
+            assert!(gains.len() >= 12 && mean > -1e-4, "{gains:?}");
+        }
+    }
+}
