@@ -2,7 +2,7 @@
 //!
 //! 1. **Propose** ([`propose`]): random attitudes, structured sets (icosahedron, cube) and the
 //!    standard schemes, as many starts as asked for, each from its own random stream, in parallel.
-//! 2. **Refine** ([`refine`]): L-BFGS with the exact gradient on all angles and dwells at once
+//! 2. **Refine** (`refine`): L-BFGS with the exact gradient on all angles and dwells at once
 //!    ([`variables`]), driven by argmin for a plan that is worked out to the end; where many plans
 //!    are tried, it advances them together, a gradient in each lane.
 //! 3. **Allocate** ([`allocate`]): dwell times by a sequence of convex quadratic programs
