@@ -85,11 +85,16 @@ impl Rooted {
         }
     }
 
-    /// A positive definite P_D, by its Cholesky factor: with its columns the other way round, its
-    /// rows from the last on make an upper triangle.
+    /// A P_D, positive definite but for coefficients that are known exactly, by its Cholesky factor:
+    /// with its columns the other way round, its rows from the last on make an upper triangle.
     #[cfg(test)]
     pub fn of(p: &CoefficientMatrix) -> Self {
-        let l = nalgebra::Cholesky::new(*p).unwrap().l();
+        let known = p.diagonal().map(|v| f64::from(u8::from(v == 0.0)));
+        let with_units = *p + CoefficientMatrix::from_diagonal(&known);
+        let mut l = nalgebra::Cholesky::new(with_units).unwrap().l();
+        for k in (0..COEFFICIENTS).filter(|&k| known[k] != 0.0) {
+            l[(k, k)] = 0.0;
+        }
         let pivots = std::array::from_fn(|k| COEFFICIENTS - 1 - k);
         let columns = pivots.map(|k| l.column(k).into_owned());
         Self::new(CovarianceRoot::new(

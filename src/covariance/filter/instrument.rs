@@ -189,7 +189,9 @@ mod tests {
             let theirs = drift_matrix(&position.attitude());
             for i in 0..3 {
                 for j in 0..COEFFICIENTS {
-                    assert!((own[i][j] - theirs[(i, j)]).abs() < 1e-15, "{position:?}");
+                    // A dozen roundings each.
+                    let error = (own[i][j] - theirs[(i, j)]).abs();
+                    assert!(error < 3e-15, "{position:?}: {error:e}");
                 }
             }
         }
