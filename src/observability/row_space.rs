@@ -285,7 +285,7 @@ mod tests {
             assert!((found / expected - 1.0).abs() < 1e-14, "{weights}");
         }
         assert!((all.variance(&[1.0, 0.0]).unwrap() - 0.5).abs() < 1e-15);
-        let [own, other] = all.covariances(&[0.0, 1.0]).unwrap();
+        let [other, own] = all.covariances(&[0.0, 1.0]).unwrap();
         assert!((own * 1e-10 - 1.0).abs() < 1e-14 && other.abs() < 1.0);
     }
 }
