@@ -144,8 +144,12 @@ fn corners_of_the_allowed_ranges_are_right() {
     );
 }
 
-/// Cases of `extremes` that double precision gets wrong: kernels, filter or, where a cosine of
-/// 6e-17 is taken for one, both in the same way (1107, 1185). Factors of up to 2700.
+/// Of the cases below those in which the kernels in doubles take a cosine of 6e-17 for one. The
+/// filter did too while it shared their attitude; its own sines are exact there.
+const RIGHT_ANGLES: [u64; 2] = [1107, 1185];
+
+/// Cases of `extremes` that double precision gets wrong, in kernels or filter: factors of up to
+/// 2700.
 #[test]
 fn what_doubles_lose_is_right_in_32_digits() {
     for case in [1009, 1051, 1071, 1107, 1182, 1185, 1189, 1195, 1208, 1218] {
@@ -157,7 +161,10 @@ fn what_doubles_lose_is_right_in_32_digits() {
         let exact = dense_filter::run(&platform, &schedule);
         let in_doubles = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
         let lost = of_all(&in_doubles, &exact);
-        assert!(lost > 1e-6, "case {case}: doubles will do, {lost:e}");
+        match RIGHT_ANGLES.contains(&case) {
+            true => assert!(lost < 1e-6, "case {case}: the filter's own sines, {lost:e}"),
+            false => assert!(lost > 1e-6, "case {case}: doubles will do, {lost:e}"),
+        }
         let filter = step_by_step_extended(&platform, &timeline, &mut |_| {}).unwrap();
         let evaluator = Evaluator::new(platform, Objective::default());
         let printed = evaluator.evaluate(&schedule).unwrap();
