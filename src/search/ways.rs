@@ -37,9 +37,15 @@ pub(super) fn tidied(
     let mut from = platform.standing();
     let tidied = positions.map(|mut p| {
         let exact = p.position.exact();
-        let [alpha, beta, gamma] = std::array::from_fn(|axis| match ranges[axis] {
-            Some(_) => p.position.degrees()[axis],
-            None => exact[axis].wrapped().deg(),
+        let [alpha, beta, gamma] = std::array::from_fn(|axis| {
+            let (given, wrapped) = (p.position.degrees()[axis], exact[axis].wrapped().deg());
+            // On an index table whose step does not divide a turn the same direction may be a setting
+            // one turn further on only.
+            let can_be_set = platform.gimbals().refusal(axis, wrapped).is_none();
+            match ranges[axis].is_none() && can_be_set {
+                true => wrapped,
+                false => given,
+            }
         });
         p.position = Position::from_deg(alpha, beta, gamma);
         p.change_deg = from.replace(p.position).and_then(|from| {

@@ -513,6 +513,7 @@ fn the_commands_give_their_results_at_a_pole_and_near_an_axis() {
     write(
         "pole.toml",
         "[site]\nlatitude_deg = 90\n[objective]\n\
+         accept_unobservable = [\"D_IX\", \"D_IY\", \"D_IZ\"]\n\
          total_time_s = 3000\n[search]\nstarts = 2\nmax_positions = 4\nallow_tumbling = true\n",
     );
     write(

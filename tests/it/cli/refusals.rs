@@ -44,7 +44,7 @@ fn bad_platform_files_are_refused_by_line_key_and_value() {
                 "bad.toml:2",
                 "objective.accept_unobservable",
                 "\"D_IQ\"",
-                "D_FX, D_FY",
+                "\"D_FX\", \"D_FY\"",
                 "did you mean `D_I",
             ],
         ),

@@ -26,12 +26,16 @@ fn a_start_leaves_time_for_staying_there() {
             let total_s = (least_s + more_s).to_string();
             let search = ["search", "start.toml", "--json", "-q", "--total-time-s"];
             let run = desk.run(&[&search[..], &[&total_s]].concat());
-            // So short a test does not observe everything.
-            assert_eq!(run.code, Some(1), "{extra}{total_s}: {}", run.stderr);
             let found: Value = serde_json::from_str(&run.stdout).unwrap();
+            // So short a test observes everything only while the platform turns and measures.
+            let missed = found["unobservable"]["by_this_schedule"]
+                .as_array()
+                .unwrap();
+            let code = i32::from(!missed.is_empty());
+            assert_eq!(run.code, Some(code), "{extra}{total_s}: {}", run.stderr);
+            assert!(!missed.is_empty() || extra.contains("measure_moves"));
             let taken_s = found["evaluation"]["total_time_s"].as_f64().unwrap();
             assert!(taken_s <= least_s + more_s + 1e-6, "{extra}{total_s}");
-            assert!(found["unobservable"]["by_this_schedule"].is_array());
             let start = &found["schedule"]["positions"][0];
             if more_s == 0.0 {
                 assert_eq!(start["alpha_deg"], 10.0);
