@@ -42,9 +42,11 @@ fn a_start_leaves_time_for_staying_there() {
                 assert_eq!(found["schedule"]["positions"].as_array().unwrap().len(), 1);
             }
             if more_s >= 170.0 {
-                // With time to move, positions it moves to.
+                // With time to move, positions it moves to; one that it turns to while it measures
+                // may be enough.
                 let count = found["schedule"]["positions"].as_array().unwrap().len();
-                assert!(count > 1, "{extra}{total_s}: {count}");
+                let turns = extra.contains("measure_moves");
+                assert!(count > 1 || turns, "{extra}{total_s}: {count}");
             }
         }
     }
