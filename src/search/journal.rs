@@ -48,7 +48,7 @@ impl FinishedPlan {
 /// Remembers the finished pieces of a search. Used from several threads.
 ///
 /// ```
-/// use std::sync::atomic::AtomicBool;
+/// use std::sync::Arc;
 /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
 /// use scheme_opt::internals::platform::PlatformConfig;
 /// use scheme_opt::internals::search::checkpoint::Journal;
@@ -56,8 +56,7 @@ impl FinishedPlan {
 ///
 /// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
 /// let problem = SearchProblem { max_positions: 2, starts: 1, ..SearchProblem::default() };
-/// let (cancel, journal) = (AtomicBool::new(false), Journal::default());
-/// let control = Control::default().with_journal(&journal);
+/// let control = Control::default().with_journal(Arc::new(Journal::default()));
 /// let first = search(&evaluator, &problem, &control)?;
 /// // All of it is remembered now.
 /// assert_eq!(search(&evaluator, &problem, &control)?, first);
