@@ -7,15 +7,15 @@ use rand_chacha::ChaCha8Rng;
 use super::{Orders, Rated, SAME};
 
 /// Random orders that a descent begins at, besides the given one.
-const RANDOM_ORDERS: usize = 7;
+const RANDOM_ORDERS: usize = 4;
 /// Kicks in a row that may win nothing before the search is done.
 const PATIENCE: usize = 30;
 /// Orders rated before no further kick is tried.
-const MOST_RATED: usize = 150_000;
+const MOST_RATED: usize = 60_000;
 /// More changes than this are not tried at once; a random choice of them is.
-const MOST_CHANGES: usize = 2_000;
+const MOST_CHANGES: usize = 1_000;
 /// Longest segment that is displaced.
-const LONGEST_SEGMENT: usize = 4;
+const LONGEST_SEGMENT: usize = 3;
 
 /// The best order that is found; none when no order that is tried has a merit.
 pub(super) fn search(orders: &Orders<'_>, seed: u64) -> Option<Rated> {
