@@ -71,7 +71,7 @@ fn main() -> Result<()> {
         .nth(1)
         .map_or_else(|| PathBuf::from("target/paper"), PathBuf::from);
     std::fs::create_dir_all(&directory)
-        .map_err(|e| Error::io("create the directory", &directory, &e))?;
+        .map_err(|e| Error::io("create the directory", &directory, e))?;
     for reading in &READINGS {
         for mode in [Repositioning::FrameHold, Repositioning::Slew] {
             let platform = platform(mode, 1.0)?;
@@ -195,7 +195,7 @@ fn write_figure(directory: &Path, mode: Repositioning, run: &Trajectory) -> Resu
         figure = figure.with_panel(error_panel(c, offset, run));
     }
     let path = directory.join(format!("paper-figures-2-10-{name}.svg"));
-    std::fs::write(&path, figure.to_svg()).map_err(|e| Error::io("write the figure", &path, &e))
+    std::fs::write(&path, figure.to_svg()).map_err(|e| Error::io("write the figure", &path, e))
 }
 
 /// ω_N, rad/s: also what ψ_y(0) in arcsec becomes in °/h.
