@@ -218,7 +218,7 @@ mod tests {
             scale: true,
             best_order: true,
             seed: 1,
-            most_steps: MOST_STEPS,
+            most_steps: 10_000,
         };
         let contender = Contender {
             name: "faces-12".to_owned(),
