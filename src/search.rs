@@ -260,8 +260,8 @@ fn verdict(
             ),
         );
     }
-    let mut reason = "all starts were screened, the best refined to convergence, and the winner \
-                      was confirmed by the step-by-step filter"
+    let mut reason = "all starts were screened, the best improved until nothing tried made them \
+                      better, and the winner was confirmed by the step-by-step filter"
         .to_owned();
     if !missed.is_empty() {
         reason.push_str("; the specification is missed by ");
