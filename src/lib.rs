@@ -78,6 +78,7 @@ mod simulate;
 mod study;
 mod suspicion;
 mod units;
+mod wording;
 
 pub mod documents;
 pub mod settings;

@@ -29,8 +29,8 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::config::StudyConfig;
-use crate::report::numbers::number;
 use crate::schedule::Schedule;
+use crate::wording::number;
 
 /// A unit of time that seconds are mistaken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use crate::compare::{Order, Proof};
 use crate::error::Result;
-use crate::report::numbers;
 use crate::results::{ComparedRecord, ComparisonDocument};
 use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
 use crate::study::{ComparisonOptions, Contender};
+use crate::wording;
 
 use super::Exit;
 use super::args::CompareArgs;
@@ -69,7 +69,7 @@ fn text(document: &ComparisonDocument) -> String {
         text.push_str(&match document.total_time_s {
             Some(s) => format!(
                 "Schedules in {} s, ratios to the first\n\n",
-                numbers::seconds(s)
+                wording::seconds(s)
             ),
             None => "Schedules as they are, ratios to the first\n\n".to_owned(),
         });
@@ -165,19 +165,19 @@ fn overview(document: &ComparisonDocument) -> String {
         let mut row = vec![
             label(&s.name, &s.order),
             s.positions.to_string(),
-            numbers::seconds(s.overhead_s),
-            numbers::number(s.rms_sigma_deg_per_h),
+            wording::seconds(s.overhead_s),
+            wording::number(s.rms_sigma_deg_per_h),
             ratio(s.ratio),
         ];
         if with_criterion {
-            row.push(numbers::number(s.criterion));
+            row.push(wording::number(s.criterion));
             row.push(ratio(s.criterion_ratio));
         }
         row.push(format!("{:.4}", s.least_separability));
         if has_spec {
             row.push(
                 s.time_to_spec_s
-                    .map_or_else(|| "missed".to_owned(), numbers::seconds),
+                    .map_or_else(|| "missed".to_owned(), wording::seconds),
             );
         }
         row
@@ -204,7 +204,7 @@ fn coefficients(document: &ComparisonDocument) -> String {
         let row = |s: &ComparedRecord| {
             let mut row = vec![label(&s.name, &s.order)];
             let sigma = s.coefficients[shown.clone()].iter();
-            row.extend(sigma.map(|c| numbers::number(1e3 * c.sigma_deg_per_h)));
+            row.extend(sigma.map(|c| wording::number(1e3 * c.sigma_deg_per_h)));
             row
         };
         let rows = document.schedules.iter().map(row).collect();

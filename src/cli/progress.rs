@@ -73,7 +73,7 @@ impl ProgressDisplay {
             && criterion < state.best
         {
             state.best = criterion;
-            let best = crate::report::numbers::number(criterion);
+            let best = crate::wording::number(criterion);
             self.bar.set_message(format!("best {best}"));
         }
     }

@@ -347,7 +347,7 @@ fn unobservable_target(
 ) -> (Vec<Combination>, Vec<Unknowns>) {
     let mut names = Vec::new();
     let mut basis: Vec<Unknowns> = Vec::new();
-    for combination in &observability.unobservable_combinations {
+    for combination in &observability.unobservable {
         let vector = Unknowns::from(*combination.as_array());
         let mut rest = vector - trace * trace.dot(&vector);
         for b in &basis {

@@ -38,7 +38,6 @@ use crate::baseline::baselines;
 use crate::certificate::Certifier;
 use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
-use crate::report::numbers::{listed, number, seconds};
 use crate::report::words;
 use crate::results::{
     AnalysisDocument, BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord,
@@ -46,6 +45,7 @@ use crate::results::{
     SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
+use crate::wording::{listed, number, seconds};
 use blocks::{Block, Page, Section};
 use subject::Subject;
 

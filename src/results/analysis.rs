@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
@@ -18,6 +18,7 @@ use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
 use crate::schedule::file::{PositionRecord, ScheduleDocument};
+use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`AnalysisDocument`].
 pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";
@@ -353,7 +354,7 @@ impl AnalysisDocument {
                 rank_x: o.rank_x,
                 azimuth_order: analysis.azimuth_order,
                 condition_number: finite(o.condition_number),
-                unobservable: o.unobservable.clone(),
+                unobservable: o.unobservable.iter().map(ToString::to_string).collect(),
             },
             nearly: analysis.nearly.iter().map(Into::into).collect(),
             correlations: Correlations {

@@ -14,6 +14,7 @@ use super::pipeline::{best_candidate, finish};
 use super::problem::{FrontPoint, SearchOutcome, SearchProblem, Status};
 use super::progress::{Control, Phase};
 use super::rated::Candidate;
+use super::reason::Reason;
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, what_depends_on_the_schedule};
 use crate::error::{Error, Result};
@@ -60,9 +61,7 @@ pub fn front(
         Some(last) => {
             // A front has no specification to meet; its points say what can be met when.
             if outcome.status == Status::Infeasible {
-                outcome.status = Status::Converged;
-                "every point of the front was worked out and confirmed by the step-by-step filter"
-                    .clone_into(&mut outcome.reason);
+                (outcome.status, outcome.reason) = (Status::Converged, Reason::FrontFinished);
             }
             outcome.schedule = last.schedule.clone();
             outcome.evaluation = match searched {
@@ -71,10 +70,9 @@ pub fn front(
             };
             outcome.unobservable =
                 Unobservable::of(evaluator, &outcome.schedule, &outcome.evaluation)?;
-            if let Some(words) = outcome.unobservable.in_words()
-                && outcome.status == Status::Converged
-            {
-                (outcome.status, outcome.reason) = (Status::Infeasible, words);
+            if outcome.status == Status::Converged && !outcome.unobservable.is_acceptable() {
+                outcome.status = Status::Infeasible;
+                outcome.reason = Reason::Unobservable(outcome.unobservable.clone());
             }
         }
         // The reason of the verdict stands: nothing meets the minimum separability.

@@ -255,7 +255,7 @@ fn frame_hold_exchanges_what_the_azimuth_is_taken_for() {
             let mut d = CoefficientVector::zeros();
             d[c.index()] = 1.0;
             let name = Combination::from_weights(&d, sign).to_string();
-            o.unobservable.contains(&name)
+            o.unobservable.iter().any(|c| c.to_string() == name)
         };
         with(1.0) || with(-1.0)
     };

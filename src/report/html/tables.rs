@@ -3,7 +3,6 @@
 use crate::commands::{Segment, clock};
 use crate::compare::Order;
 use crate::platform::Repositioning;
-use crate::report::numbers::{number, optional, seconds, separability};
 use crate::report::words;
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
@@ -11,6 +10,7 @@ use crate::results::{
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
+use crate::wording::{number, optional, seconds, separability};
 
 use super::blocks::Table;
 use super::pictures::gravity;
