@@ -15,6 +15,7 @@ mod commands;
 mod compare;
 mod completions;
 mod evaluate;
+mod exit;
 mod files;
 mod init;
 mod inputs;
@@ -31,46 +32,13 @@ mod standard;
 mod table;
 
 use std::ffi::OsString;
-use std::process::ExitCode;
 
 use clap::Parser;
 
 use crate::error::Result;
 use args::{Cli, Command};
+pub use exit::Exit;
 use output::Output;
-
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Exit {
-    /// Done.
-    Done,
-    /// No acceptable schedule: the specification or the limits cannot be met.
-    NoSchedule,
-    /// Done, and `simulate --check` found something to doubt.
-    Doubtful,
-    /// Usage or input error, or a computation that refused to answer.
-    Failed,
-    /// Interrupted; the best schedule so far is written.
-    Interrupted,
-}
-
-impl Exit {
-    /// The exit code of the process.
-    pub const fn code(self) -> u8 {
-        match self {
-            Self::Done => 0,
-            Self::NoSchedule | Self::Doubtful => 1,
-            Self::Failed => 2,
-            Self::Interrupted => 130,
-        }
-    }
-}
-
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
-        Self::from(exit.code())
-    }
-}
 
 /// Runs the command line `args`, the program's name first.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> Exit {

@@ -5,8 +5,8 @@ use crate::error::Result;
 use crate::results::BoundDocument;
 use crate::wording;
 
-use super::Exit;
 use super::args::BoundArgs;
+use super::exit::Exit;
 use super::inputs;
 use super::output::Output;
 use super::report::wrap;

@@ -10,8 +10,8 @@ use crate::schedule::standard::StandardScheme;
 use crate::study::{ComparisonOptions, Contender};
 use crate::wording;
 
-use super::Exit;
 use super::args::CompareArgs;
+use super::exit::Exit;
 use super::output::Output;
 use super::table::{self, Align};
 use super::{inputs, page, report};

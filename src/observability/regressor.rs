@@ -6,7 +6,7 @@
 //! part of ψ_y comes out in ψ_x and ψ_z, which Z shows by itself: the [`Channel::Azimuth`], of
 //! order 0, which the slewing platform does not have.
 
-use super::Order;
+use super::order::Order;
 use super::row_space::counts;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};

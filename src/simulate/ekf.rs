@@ -8,7 +8,7 @@ use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix, drift_matrix};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 
-use super::ToldNoise;
+use super::options::ToldNoise;
 use super::program::{Interval, Program};
 use super::square_root::{PSI, ScalarGain, SquareRoot, StateVector};
 use super::truth::{Direction, Disturbance, GyroDrift, Misalignment, turned};

@@ -9,8 +9,8 @@ use crate::attitude::{Attitude, GRAVITY_N};
 use crate::drift::{CoefficientVector, drift_c};
 use crate::units::{Angle, AngularRate};
 
+use super::options::{InitialTruth, TruthModel};
 use super::program::{Interval, Program};
-use super::{InitialTruth, TruthModel};
 
 /// The drift of the three gyros as D_F + M g (3), rad/s.
 #[derive(Debug, Clone, Copy)]

@@ -27,7 +27,7 @@
 //! | filter period, settling, shortest dwell | above 10 min, 2 h, 10 h | milliseconds |
 //! | filter period | given, and a noise per period is not | the default noise then is another instrument's |
 
-use super::{Instrument, Rescaled, Suspicion, TimeUnit, Warning};
+use super::warning::{Instrument, Rescaled, Suspicion, TimeUnit, Warning};
 use crate::config::StudyConfig;
 use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};

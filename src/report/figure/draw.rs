@@ -50,39 +50,41 @@ pub(crate) fn line(color: RGBColor, width: f64) -> ShapeStyle {
     ShapeStyle::from(&color).stroke_width((width * UNITS).round() as u32)
 }
 
-/// The whole figure as an SVG document.
-pub(super) fn figure(figure: &Figure) -> String {
-    let [width, height] = figure.panel_size;
-    let columns = figure.columns.min(figure.panels.len().max(1));
-    let rows = figure.panels.len().div_ceil(columns);
-    let title = figure.title.as_ref().map_or(0.0, |_| TITLE);
-    let full_width = width * columns as f64;
-    let legend = Legend::new(figure, full_width);
-    let head = title + legend.height();
-    let full_height = head + height * rows as f64;
-    let (area, ink) = Canvas::area(full_width, full_height);
-    let drawn = || -> Drawn {
-        if let Some(title) = &figure.title {
-            let style = text(14.0, Pos::new(HPos::Center, VPos::Center));
-            let at = (units(0.5 * full_width), units(0.5 * TITLE));
-            area.draw(&Text::new(title.as_str(), at, style))?;
-        }
-        legend.draw(&area, &ink, title)?;
-        for (i, panel) in figure.panels.iter().enumerate() {
-            let x = width * (i % columns) as f64;
-            let y = head + height * (i / columns) as f64;
-            let cell = area.clone().shrink(
-                (units(x), units(y)),
-                (units(width) as u32, units(height) as u32),
-            );
-            draw_panel(&cell, &ink, panel, &format!("{}c{i}", figure.id))?;
-        }
-        Ok(())
-    };
-    let drawn = drawn();
-    // Text cannot refuse to be written, and the layout is our own.
-    debug_assert!(drawn.is_ok(), "{drawn:?}");
-    document(&ink, full_width, full_height, &figure.label)
+impl Figure {
+    /// The figure as an SVG document.
+    pub fn to_svg(&self) -> String {
+        let [width, height] = self.panel_size;
+        let columns = self.columns.min(self.panels.len().max(1));
+        let rows = self.panels.len().div_ceil(columns);
+        let title = self.title.as_ref().map_or(0.0, |_| TITLE);
+        let full_width = width * columns as f64;
+        let legend = Legend::new(self, full_width);
+        let head = title + legend.height();
+        let full_height = head + height * rows as f64;
+        let (area, ink) = Canvas::area(full_width, full_height);
+        let drawn = || -> Drawn {
+            if let Some(title) = &self.title {
+                let style = text(14.0, Pos::new(HPos::Center, VPos::Center));
+                let at = (units(0.5 * full_width), units(0.5 * TITLE));
+                area.draw(&Text::new(title.as_str(), at, style))?;
+            }
+            legend.draw(&area, &ink, title)?;
+            for (i, panel) in self.panels.iter().enumerate() {
+                let x = width * (i % columns) as f64;
+                let y = head + height * (i / columns) as f64;
+                let cell = area.clone().shrink(
+                    (units(x), units(y)),
+                    (units(width) as u32, units(height) as u32),
+                );
+                draw_panel(&cell, &ink, panel, &format!("{}c{i}", self.id))?;
+            }
+            Ok(())
+        };
+        let drawn = drawn();
+        // Text cannot refuse to be written, and the layout is our own.
+        debug_assert!(drawn.is_ok(), "{drawn:?}");
+        document(&ink, full_width, full_height, &self.label)
+    }
 }
 
 /// Every label once, in the order of appearance, in as many lines as it takes.
