@@ -51,6 +51,7 @@
 // Results have the same bytes on every machine: clippy.toml.
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod analysis;
 mod attitude;
 mod baseline;
 mod certificate;

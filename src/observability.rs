@@ -26,18 +26,15 @@
 //! projector on the other columns. 1: its signature is its own; 0: not separable.
 
 pub mod advice;
-pub mod analysis;
 pub mod classical;
-mod combinations;
+pub(crate) mod combinations;
 pub mod nearly;
 mod order;
-mod regressor;
-mod row_space;
+pub(crate) mod regressor;
+pub(crate) mod row_space;
 pub mod separability;
 mod singular;
 pub mod solution;
-pub mod suggest;
-mod unobservable;
 pub mod weak;
 
 use crate::covariance::CovarianceModel;
@@ -50,8 +47,6 @@ pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
 pub use row_space::RANK_TOLERANCE;
 use row_space::RowSpace;
-pub(crate) use unobservable::not_observed;
-pub use unobservable::{USEFUL, Unobservable};
 
 /// What a schedule makes observable.
 #[derive(Debug, Clone, PartialEq)]

@@ -56,11 +56,11 @@ pub mod variables;
 mod ways;
 mod workshop;
 
+use crate::analysis::Unobservable;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator, Objective};
 use crate::motion::MAX_FILTER_PERIODS;
-use crate::observability::Unobservable;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
 use context::{Context, Work};

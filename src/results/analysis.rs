@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use crate::analysis::suggest::{NoSuggestion, Standing, Suggestion};
+use crate::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::Evaluation;
-use crate::observability::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::observability::classical::PiecewiseConstant;
 use crate::observability::nearly::{Nearly, Told};
 use crate::observability::solution::{Moment, NoSolution, Rows, Solution, Term};
-use crate::observability::suggest::{NoSuggestion, Standing, Suggestion};
 use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;

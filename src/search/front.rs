@@ -17,9 +17,9 @@ use super::rated::Candidate;
 use super::reason::Reason;
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, what_depends_on_the_schedule};
+use crate::analysis::Unobservable;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
-use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// The shortest test of the front, as a share of the longest.

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::reason::Reason;
 use super::termination::RefinementCounters;
+use crate::analysis::Unobservable;
 use crate::evaluate::Evaluation;
-use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// What to search for.

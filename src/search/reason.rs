@@ -2,11 +2,11 @@
 
 use std::fmt;
 
+use crate::analysis::Unobservable;
 use crate::criterion::KnownBefore;
 use crate::drift::DriftCoefficient;
 use crate::error::Error;
 use crate::evaluate::{Evaluation, Objective};
-use crate::observability::Unobservable;
 
 /// Why a search ended as it did. [`fmt::Display`] puts it into words, the same in every document,
 /// report and terminal.

@@ -3,13 +3,13 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use scheme_opt::internals::analysis::Analysis;
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::expansions::{epsilon_x, epsilon_y, epsilon_z};
 use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient as D};
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::observability::analysis::Analysis;
 use scheme_opt::internals::observability::nearly::Nearly;
 use scheme_opt::internals::observability::solution::{NoSolution, Rows, Solution};
 use scheme_opt::internals::observability::{Combination, Observability, Order, RANK_TOLERANCE};

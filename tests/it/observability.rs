@@ -1,13 +1,13 @@
 //! What the paper says about observability, and what follows from it.
 
+use scheme_opt::internals::analysis::suggest::Suggestion;
+use scheme_opt::internals::analysis::{Analysis, State, state_orders_of_a_dwell};
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D, DriftKind};
 use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::observability::advice::Advice;
-use scheme_opt::internals::observability::analysis::{Analysis, State, state_orders_of_a_dwell};
-use scheme_opt::internals::observability::suggest::Suggestion;
 use scheme_opt::internals::observability::{Combination, Observability, Order};
 use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::standard::StandardScheme;

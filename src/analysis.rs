@@ -1,22 +1,28 @@
-//! Everything that can be said about what a schedule makes observable.
+//! Everything that can be said about what a schedule makes observable, what it leaves unobservable
+//! though it counts, and what to add to it.
 
-use super::advice::Advice;
-use super::classical::{Gramian, PiecewiseConstant, Units};
-use super::combinations::Combination;
-use super::nearly::Nearly;
-use super::regressor::{Channel, Regressor, RowSource};
-use super::row_space::{RowSpace, counts};
-use super::solution::{NoSolution, Solution};
-use super::suggest::{NoSuggestion, Suggestion};
-use super::weak::{WeakCombination, weak_combinations};
-use super::{Observability, Order};
+pub mod suggest;
+mod unobservable;
+
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::advice::Advice;
+use crate::observability::classical::{Gramian, PiecewiseConstant, Units};
+use crate::observability::combinations::Combination;
+use crate::observability::nearly::Nearly;
+use crate::observability::regressor::{Channel, Regressor, RowSource};
+use crate::observability::row_space::{RowSpace, counts};
+use crate::observability::solution::{NoSolution, Solution};
+use crate::observability::weak::{WeakCombination, weak_combinations};
+use crate::observability::{Observability, Order};
 use crate::schedule::{Schedule, ScheduledPosition};
+use suggest::{NoSuggestion, Suggestion};
+pub(crate) use unobservable::not_observed;
+pub use unobservable::{USEFUL, Unobservable};
 
 /// How many of the strongest correlations are listed.
 const LISTED: usize = 6;
@@ -305,7 +311,7 @@ fn states(
     // The highest order of a row of A over the positions.
     let drift = |axis: usize| {
         let mut highest = Some(Order::Zero);
-        let told = |b: &&super::regressor::Block| b.weights[NORTH] > 0.0;
+        let told = |b: &&crate::observability::regressor::Block| b.weights[NORTH] > 0.0;
         for block in regressor.blocks.iter().filter(told) {
             let row = CoefficientVector::from_fn(|j, _| block.a[(axis, j)]);
             let order = observability.order_of(&Combination::from_weights(&row, 0.0));
@@ -361,7 +367,9 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalys
             }
         };
         let excited = |c: DriftCoefficient| {
-            let shows = |t: &&&super::regressor::TaggedRow| counts(t.row[c.index()].abs(), 1.0);
+            let shows = |t: &&&crate::observability::regressor::TaggedRow| {
+                counts(t.row[c.index()].abs(), 1.0)
+            };
             held.iter().filter(shows).map(|t| t.channel.order()).min()
         };
         all.push(PositionAnalysis {

@@ -18,15 +18,15 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
-use super::Combination;
-use super::regressor::{Channel, Regressor, UNKNOWNS};
-use super::row_space::{RowSpace, unit};
 use crate::attitude::{EAST, NORTH, NanoDegrees, Position, UP};
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix, drift_matrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::Combination;
+use crate::observability::regressor::{Channel, Regressor, UNKNOWNS};
+use crate::observability::row_space::{RowSpace, unit};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::Schedule;
 use crate::units::RAD_PER_DEG;
@@ -55,7 +55,7 @@ impl Unobservable {
     /// ```
     /// use scheme_opt::internals::drift::DriftCoefficient as D;
     /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
-    /// use scheme_opt::internals::observability::Unobservable;
+    /// use scheme_opt::internals::analysis::Unobservable;
     /// use scheme_opt::internals::platform::PlatformConfig;
     /// use scheme_opt::internals::schedule::standard::StandardScheme;
     /// let mut config = PlatformConfig::default();

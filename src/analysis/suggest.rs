@@ -15,15 +15,15 @@
 use nalgebra::{DMatrix, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::Observability;
-use super::combinations::Combination;
-use super::regressor::{Change, Regressor, UNKNOWNS};
-use super::row_space::counts;
 use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
 use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::Observability;
+use crate::observability::combinations::Combination;
+use crate::observability::regressor::{Change, Channel, Regressor, UNKNOWNS};
+use crate::observability::row_space::counts;
 use crate::platform::{Platform, multiples};
 use crate::schedule::{Schedule, ScheduledPosition};
 use crate::units::round_deg;
@@ -212,7 +212,10 @@ impl Prospect {
             names
         } else {
             target.push(worst(&covariance, &trace));
-            vec![Combination::from_array(target[0].into()).rounded(super::weak::NAMED)]
+            vec![
+                Combination::from_array(target[0].into())
+                    .rounded(crate::observability::weak::NAMED),
+            ]
         };
         let held = model.frame_hold.then(|| {
             let legs = timeline.position_legs();
@@ -231,7 +234,7 @@ impl Prospect {
             target,
             names,
             unobservable,
-            weights: super::regressor::dwell_weights(model, dwell_s),
+            weights: crate::observability::regressor::dwell_weights(model, dwell_s),
             azimuth_unknown: regressor.azimuth_unknown,
             held: held.filter(|_| regressor.azimuth_unknown),
         })
@@ -330,7 +333,7 @@ fn covariance(evaluator: &Evaluator, regressor: &Regressor) -> Result<UnknownsMa
         _ => model.prior_sigma[i],
     });
     let mut information = UnknownsMatrix::identity();
-    for row in regressor.weighted(&super::Channel::ALL) {
+    for row in regressor.weighted(&Channel::ALL) {
         let row = Unknowns::from(row).component_mul(&prior);
         information.ger(1.0, &row, &row, 1.0);
     }
