@@ -30,7 +30,7 @@ const LISTED: usize = 6;
 /// A state of the platform or a combination of such states, as the paper's conclusion 1 lists
 /// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum State {
+pub enum PlatformState {
     /// ψ_x^n.
     PsiX,
     /// ψ_y^n.
@@ -49,7 +49,7 @@ pub enum State {
     EpsilonZMinusAzimuth,
 }
 
-impl State {
+impl PlatformState {
     /// All of them.
     pub const ALL: [Self; 8] = [
         Self::PsiX,
@@ -98,7 +98,7 @@ impl State {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StateOrder {
     /// The state.
-    pub state: State,
+    pub state: PlatformState,
     /// Its order within one dwell; none: not observable there.
     pub one_position: Option<Order>,
     /// Its order over the schedule, at the position where it is highest; none: not observable
@@ -281,7 +281,7 @@ pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> [Option<Order>; 8] {
     for order in [Order::Zero, Order::First, Order::Second] {
         rows.extend(&derivatives);
         let space = RowSpace::of(&rows);
-        for (slot, state) in orders.iter_mut().zip(State::ALL) {
+        for (slot, state) in orders.iter_mut().zip(PlatformState::ALL) {
             if slot.is_none() && space.contains(&state.vector(omega_n)) {
                 *slot = Some(order);
             }
@@ -311,7 +311,7 @@ fn states(
     // The highest order of a row of A over the positions.
     let drift = |axis: usize| {
         let mut highest = Some(Order::Zero);
-        let told = |b: &&crate::observability::regressor::Block| b.weights[NORTH] > 0.0;
+        let told = |b: &&crate::observability::regressor::RowBlock| b.weights[NORTH] > 0.0;
         for block in regressor.blocks.iter().filter(told) {
             let row = CoefficientVector::from_fn(|j, _| block.a[(axis, j)]);
             let order = observability.order_of(&Combination::from_weights(&row, 0.0));
@@ -319,16 +319,16 @@ fn states(
         }
         highest
     };
-    let states = State::ALL.into_iter().zip(in_a_dwell);
+    let states = PlatformState::ALL.into_iter().zip(in_a_dwell);
     states
         .map(|(state, one_position)| StateOrder {
             state,
             one_position,
             schedule: match state {
-                State::PsiY => azimuth,
-                State::EpsilonX => drift(NORTH),
-                State::EpsilonY => drift(UP),
-                State::EpsilonZ => drift(EAST),
+                PlatformState::PsiY => azimuth,
+                PlatformState::EpsilonX => drift(NORTH),
+                PlatformState::EpsilonY => drift(UP),
+                PlatformState::EpsilonZ => drift(EAST),
                 _ => one_position,
             },
         })

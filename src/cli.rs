@@ -36,7 +36,7 @@ use std::ffi::OsString;
 use clap::Parser;
 
 use crate::error::Result;
-use args::{Cli, Command};
+use args::{Cli, Invocation};
 pub use exit::Exit;
 use output::Output;
 
@@ -66,21 +66,21 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Exit {
     }
 }
 
-fn dispatch(command: &Command) -> Result<Exit> {
+fn dispatch(command: &Invocation) -> Result<Exit> {
     let output = Output::new(command.is_quiet());
     match command {
-        Command::Search(args) => search::run(args, output),
-        Command::Evaluate(args) => evaluate::run(args, output),
-        Command::Analyze(args) => analyze::run(args, output),
-        Command::Simulate(args) => simulate::run(args, output),
-        Command::Compare(args) => compare::run(args, output),
-        Command::Bound(args) => bound::run(args, output),
-        Command::Init(args) => init::run(args, output),
-        Command::Standard(args) => standard::run(args, output),
-        Command::Commands(args) => commands::run(args, output),
-        Command::Report(args) => page::run(args, output),
-        Command::Schema(args) => schema::run(args, output),
-        Command::Completions(args) => completions::run(args, output),
-        Command::Man(args) => man::run(args, output),
+        Invocation::Search(args) => search::run(args, output),
+        Invocation::Evaluate(args) => evaluate::run(args, output),
+        Invocation::Analyze(args) => analyze::run(args, output),
+        Invocation::Simulate(args) => simulate::run(args, output),
+        Invocation::Compare(args) => compare::run(args, output),
+        Invocation::Bound(args) => bound::run(args, output),
+        Invocation::Init(args) => init::run(args, output),
+        Invocation::Standard(args) => standard::run(args, output),
+        Invocation::Commands(args) => commands::run(args, output),
+        Invocation::Report(args) => page::run(args, output),
+        Invocation::Schema(args) => schema::run(args, output),
+        Invocation::Completions(args) => completions::run(args, output),
+        Invocation::Man(args) => man::run(args, output),
     }
 }

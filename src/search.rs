@@ -9,7 +9,7 @@
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
 //!    pay is a position somebody has to drive to.
-//! 4. **Improve** ([`order`]): for the best few, proposals beyond what the gradient sees, each
+//! 4. **Improve** ([`reordering`]): for the best few, proposals beyond what the gradient sees, each
 //!    refined for a while: other orders of the positions by 2-opt and or-opt moves, positions
 //!    inserted where the exact directional derivative over the attitude set promises most, and
 //!    random kicks. Of the Euler triples of an attitude the quickest to reach are taken.
@@ -33,10 +33,10 @@ mod finish;
 mod fit;
 pub mod front;
 mod improve;
+mod index_table;
 mod insert;
 mod journal;
 mod lbfgs;
-pub mod order;
 mod pipeline;
 pub mod plan;
 mod problem;
@@ -45,9 +45,9 @@ pub mod propose;
 mod rated;
 mod reason;
 mod refine;
+pub mod reordering;
 pub mod shortest;
 mod still;
-mod table;
 mod termination;
 mod together;
 mod tumbling;
@@ -63,7 +63,7 @@ use crate::evaluate::{Evaluation, Evaluator, Objective};
 use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
-use context::{Context, Work};
+use context::{Context, WorkDone};
 pub use journal::Journal;
 use pipeline::best_candidate;
 pub use problem::{Counters, FrontPoint, SearchOutcome, SearchProblem, Status};
@@ -87,7 +87,7 @@ pub fn search(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
         return Ok(known);
     }
@@ -117,7 +117,7 @@ pub(crate) fn nothing_to_find(
     evaluator: &Evaluator,
     problem: &SearchProblem,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
 ) -> Result<Option<SearchOutcome>> {
     let objective = evaluator.objective();
     let prior = evaluator.model().prior_sigma_deg_per_h();
@@ -153,7 +153,7 @@ pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Eval
 pub(crate) fn conclude(
     evaluator: &Evaluator,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
     schedule: Schedule,
 ) -> Result<SearchOutcome> {
     let evaluation = evaluator.evaluate(&schedule)?;
@@ -172,7 +172,7 @@ pub(crate) fn conclude(
 
 /// What this search cannot plan is refused, not quietly left out.
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
-    let empty = table::Table::new(evaluator.platform()).is_some_and(|t| t.is_empty());
+    let empty = index_table::IndexTable::new(evaluator.platform()).is_some_and(|t| t.is_empty());
     if empty {
         return Err(still::no_setting());
     }
@@ -215,7 +215,7 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
 fn verdict(
     evaluator: &Evaluator,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
     evaluation: &Evaluation,
     unobservable: &Unobservable,
 ) -> (Status, Reason) {

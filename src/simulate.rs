@@ -88,10 +88,10 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::platform::Platform;
 
-use ekf::{Belief, ExtendedFilter, Filter, Gains, LinearFilter};
+use ekf::{Belief, ExtendedFilter, Filter, LinearFilter, LinearGains};
 use program::Program;
 use square_root::StateVector;
-use truth::{Record, TrueNoise};
+use truth::{TrueNoise, TruthRecord};
 
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
@@ -119,7 +119,7 @@ pub struct Simulation {
     /// 1σ that truths are drawn with.
     prior_sigma: StateVector,
     /// Of the linear filter.
-    gains: Gains,
+    gains: LinearGains,
 }
 
 /// Most passes of an iterated filter; two or three are usual.
@@ -130,9 +130,9 @@ const MOST_PASSES: usize = 6;
 const CONVERGED: f64 = 0.01;
 
 /// One interval of a run, done.
-struct Step<'s, 'a> {
+struct FinishedInterval<'s, 'a> {
     index: usize,
-    record: &'s Record,
+    record: &'s TruthRecord,
     filter: &'s Filter<'a>,
     nis: Option<f64>,
 }
@@ -151,7 +151,7 @@ impl Simulation {
         options.check()?;
         let program = Program::new(platform, timeline)?;
         let belief = Belief::new(platform, &options.told);
-        let gains = Gains::new(&program, &belief, &mut |_| {});
+        let gains = LinearGains::new(&program, &belief, &mut |_| {});
         Ok(Self {
             platform: platform.clone(),
             options,
@@ -168,7 +168,7 @@ impl Simulation {
     }
 
     /// What happens in one run.
-    fn record(&self, initial: &InitialTruth, random: &mut ChaCha8Rng) -> Record {
+    fn record(&self, initial: &InitialTruth, random: &mut ChaCha8Rng) -> TruthRecord {
         let noise = match self.options.noise {
             TruthNoise::Drawn => TrueNoise {
                 drift_psd: self.platform.drift_psd_rad2_per_s(),
@@ -180,13 +180,17 @@ impl Simulation {
             },
         };
         let (model, earth) = (self.options.truth, &self.belief.earth_rate_n);
-        Record::new(&self.program, earth, model, initial, noise, random)
+        TruthRecord::new(&self.program, earth, model, initial, noise, random)
     }
 
     /// What the filter makes of a run. `observe` is called after every interval; an iterated
     /// filter goes through the test more than once and starts again at index 0. Gives how far its
     /// last pass moved the estimate, squared and in σ.
-    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) -> Option<f64> {
+    fn estimate(
+        &self,
+        record: &TruthRecord,
+        observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
+    ) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
             let filter = Filter::Linear(LinearFilter::new(&self.gains));
             self.pass(record, filter, observe);
@@ -218,16 +222,16 @@ impl Simulation {
     /// Takes `filter` through the test.
     fn pass<'a>(
         &self,
-        record: &Record,
+        record: &TruthRecord,
         mut filter: Filter<'a>,
-        observe: &mut dyn FnMut(&Step<'_, '_>),
+        observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
     ) -> Filter<'a> {
         for (index, interval) in self.program.intervals.iter().enumerate() {
             filter.advance(&self.program, interval);
             let nis = interval
                 .measured
                 .then(|| filter.measure(interval, &record.z[index]));
-            observe(&Step {
+            observe(&FinishedInterval {
                 index,
                 record,
                 filter: &filter,

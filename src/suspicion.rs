@@ -27,7 +27,7 @@ mod warning;
 
 use crate::config::StudyConfig;
 use crate::schedule::Schedule;
-pub use warning::{Instrument, Rescaled, Suspicion, TimeUnit, Warning, WarningRecord};
+pub use warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning, WarningRecord};
 
 /// What is hard to believe of a study, of whose keys `defaulted` were not given, and of a schedule
 /// for it.

@@ -389,7 +389,7 @@ const MOST_EXPLORATIONS: usize = 400;
 const FINEST_DEG: f64 = 1e-3;
 
 /// One gimbal axis: where it may stand, in whole numbers of `unit_deg`.
-struct Axis {
+struct GimbalAxis {
     unit_deg: f64,
     low: i64,
     high: i64,
@@ -397,7 +397,7 @@ struct Axis {
     endless: bool,
 }
 
-impl Axis {
+impl GimbalAxis {
     fn new(platform: &Platform, axis: usize) -> Self {
         let unit_deg = platform.gimbals().step_deg().unwrap_or(FINEST_DEG);
         let range = platform.gimbals().ranges[axis];
@@ -453,7 +453,7 @@ impl Axis {
 
 /// The attitude of largest gain that the gimbals allow, and how many were looked at.
 fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<(Position, usize)> {
-    let axes: [Axis; 3] = std::array::from_fn(|i| Axis::new(platform, i));
+    let axes: [GimbalAxis; 3] = std::array::from_fn(|i| GimbalAxis::new(platform, i));
     let position = |at: [i64; 3]| {
         let deg = |i: usize| axes[i].deg(at[i]);
         Position::from_deg(deg(0), deg(1), deg(2))
@@ -464,7 +464,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
         gain(position(at))
     };
     let mut grid = Vec::new();
-    let grids = axes.each_ref().map(Axis::grid);
+    let grids = axes.each_ref().map(GimbalAxis::grid);
     for &alpha in &grids[0] {
         for &beta in &grids[1] {
             for &gamma in &grids[2] {
@@ -493,7 +493,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
 /// problems*, J. ACM 8(2), 1961): steps along the axes and, after those that gain, further along
 /// the same way, which follows ridges; in ever smaller steps.
 fn pattern_search(
-    axes: &[Axis; 3],
+    axes: &[GimbalAxis; 3],
     start: f64,
     from: [i64; 3],
     value: &mut impl FnMut([i64; 3]) -> f64,
@@ -527,7 +527,7 @@ fn pattern_search(
 
 /// The best of `from` and one step either way along each axis in turn.
 fn explore(
-    axes: &[Axis; 3],
+    axes: &[GimbalAxis; 3],
     from: (f64, [i64; 3]),
     step: i64,
     value: &mut impl FnMut([i64; 3]) -> f64,

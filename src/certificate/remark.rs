@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::shortest::MinimumTime;
+use super::minimum_time::MinimumTime;
 use crate::criterion::KnownBefore;
 use crate::error::Error;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compare::{Order, Proof};
+use crate::compare::{PositionOrder, Proof};
 use crate::error::Result;
 use crate::results::{ComparedRecord, ComparisonDocument};
 use crate::schedule::Schedule;
@@ -131,10 +131,10 @@ fn orders(document: &ComparisonDocument) -> String {
 fn label(name: &str, order: &str) -> String {
     let file = || Path::new(name).file_name().and_then(|f| f.to_str());
     let short = Contender::standard_name(name).or_else(file).unwrap_or(name);
-    match Order::from_name(order) {
-        Some(Order::Best) => format!("{short} *"),
-        Some(Order::BestFound) => format!("{short} +"),
-        Some(Order::AsGiven) | None => short.to_owned(),
+    match PositionOrder::from_name(order) {
+        Some(PositionOrder::Best) => format!("{short} *"),
+        Some(PositionOrder::BestFound) => format!("{short} +"),
+        Some(PositionOrder::AsGiven) | None => short.to_owned(),
     }
 }
 

@@ -49,7 +49,7 @@ pub enum Proof {
 
 /// An order that was looked for.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
+pub(super) struct BestOrder {
     pub schedule: Schedule,
     pub proof: Proof,
     /// Steps made towards the proof.
@@ -64,7 +64,7 @@ pub(super) fn best_order(
     total_time_s: f64,
     seed: u64,
     most_steps: u64,
-) -> Option<Found> {
+) -> Option<BestOrder> {
     let orders = |quickest: bool| Orders {
         evaluator,
         positions: positions.to_vec(),
@@ -94,7 +94,7 @@ pub(super) fn best_order(
     };
     let better = |other: &Rated| best.as_ref().is_none_or(|b| other.merit < b.merit - SAME);
     match other.filter(better) {
-        Some(other) => Some(Found {
+        Some(other) => Some(BestOrder {
             schedule: by_others.schedule(&other.order)?,
             proof: match proof {
                 Proof::Complete => Proof::OtherTriples,
@@ -102,7 +102,7 @@ pub(super) fn best_order(
             },
             steps,
         }),
-        None => Some(Found {
+        None => Some(BestOrder {
             schedule: given.schedule(&best?.order)?,
             proof,
             steps,

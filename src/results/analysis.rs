@@ -12,8 +12,8 @@ use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::Evaluation;
 use crate::observability::classical::PiecewiseConstant;
-use crate::observability::nearly::{Nearly, Told};
-use crate::observability::solution::{Moment, NoSolution, Rows, Solution, Term};
+use crate::observability::nearly::{Nearly, ToldQuantity};
+use crate::observability::solution::{NoSolution, RowsUsed, SeenDuring, Solution, Term};
 use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
@@ -129,7 +129,7 @@ pub struct ReconstructionRecord {
     /// Whether these are few of the rows that there are or all of them; absent in documents of
     /// earlier versions: few.
     #[serde(default = "few")]
-    pub rows: Rows,
+    pub rows: RowsUsed,
     /// 1σ by these terms alone, °/h.
     pub sigma_deg_per_h: f64,
     /// Largest difference between the weighted sum of the rows and the coefficient.
@@ -426,8 +426,8 @@ impl From<&Nearly> for NearlyRecord {
         Self {
             name: n.name(),
             coefficient: match n.told {
-                Told::Coefficient(c) => Some(c),
-                Told::Combination(_) => None,
+                ToldQuantity::Coefficient(c) => Some(c),
+                ToldQuantity::Combination(_) => None,
             },
             from: n.from().into_iter().map(str::to_owned).collect(),
             order: n.order,
@@ -437,8 +437,8 @@ impl From<&Nearly> for NearlyRecord {
     }
 }
 
-const fn few() -> Rows {
-    Rows::Few
+const fn few() -> RowsUsed {
+    RowsUsed::Few
 }
 
 impl From<&Solution> for ReconstructionRecord {
@@ -459,8 +459,8 @@ impl From<&Term> for TermRecord {
         Self {
             position: t.position + 1,
             move_fraction: match t.moment {
-                Moment::Dwell => None,
-                Moment::Move { fraction } => Some(fraction),
+                SeenDuring::Dwell => None,
+                SeenDuring::Move { fraction } => Some(fraction),
             },
             channel: t.channel,
             weight: t.weight,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
 use super::evaluation::criterion_unit;
-use crate::compare::{Compared, Proof, Terms};
+use crate::compare::{ComparedSchedule, Proof, Terms};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
@@ -129,7 +129,7 @@ pub struct SkippedContender {
 impl ComparisonDocument {
     /// The document of what was `compared` on these `terms`.
     pub fn new(
-        compared: &[Compared],
+        compared: &[ComparedSchedule],
         terms: &Terms,
         objective: &Objective,
         inputs: &Inputs,
@@ -193,7 +193,7 @@ impl ComparisonDocument {
 }
 
 fn record(
-    compared: &Compared,
+    compared: &ComparedSchedule,
     schedule: &Schedule,
     evaluation: &Evaluation,
     first: &Evaluation,

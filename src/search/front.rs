@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
 use super::pipeline::{best_candidate, finish};
 use super::problem::{FrontPoint, SearchOutcome, SearchProblem, Status};
@@ -37,13 +37,13 @@ pub fn front(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(mut known) = nothing_to_find(evaluator, problem, control, &work)? {
         known.front = feasible_points(evaluator, vec![known.schedule.clone()])?;
         return Ok(known);
     }
     let searched = what_depends_on_the_schedule(evaluator);
-    let sweep = Sweep {
+    let sweep = FrontSweep {
         evaluator: searched.as_ref().unwrap_or(evaluator),
         control,
         work: &work,
@@ -130,14 +130,14 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
         .collect()
 }
 
-struct Sweep<'a> {
+struct FrontSweep<'a> {
     evaluator: &'a Evaluator,
     control: &'a Control,
-    work: &'a Work,
+    work: &'a WorkDone,
     problems: Vec<SearchProblem>,
 }
 
-impl Sweep<'_> {
+impl FrontSweep<'_> {
     fn context<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
         Context {
             evaluator: self.evaluator,

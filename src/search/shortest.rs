@@ -6,7 +6,7 @@
 //! from its neighbour. In the end whole filter periods are taken off as long as the
 //! specification holds, judged by the filter's own tick rule.
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
 use super::pipeline::best_candidate;
 use super::plan::Plan;
@@ -59,7 +59,7 @@ pub fn shortest(
         ..*evaluator.objective()
     };
     let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
         return Ok(known);
     }
@@ -98,7 +98,7 @@ struct RootSearch<'a> {
     evaluator: &'a Evaluator,
     problem: &'a SearchProblem,
     control: &'a Control,
-    work: &'a Work,
+    work: &'a WorkDone,
 }
 
 impl RootSearch<'_> {

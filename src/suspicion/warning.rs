@@ -46,14 +46,14 @@ impl TimeUnit {
 
 /// What noise a suspicion is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Instrument {
+pub enum NoiseSource {
     /// White noise of the accelerometers.
     Accelerometer,
     /// Random drift of the gyros.
     Gyro,
 }
 
-impl Instrument {
+impl NoiseSource {
     const fn best(self) -> &'static str {
         match self {
             Self::Accelerometer => "a strategic-grade accelerometer (0.1 micro-g)",
@@ -135,7 +135,7 @@ pub enum Suspicion {
     /// Less noise than any instrument has.
     Quieter {
         /// Of what.
-        instrument: Instrument,
+        instrument: NoiseSource,
         /// How many times less than the best.
         times: f64,
         /// As given.
@@ -146,7 +146,7 @@ pub enum Suspicion {
     /// More noise than any instrument has.
     Louder {
         /// Of what.
-        instrument: Instrument,
+        instrument: NoiseSource,
         /// How many times more than the worst.
         times: f64,
     },
@@ -281,13 +281,13 @@ impl Warning {
             Suspicion::Dwells { .. } => "dwell_s is in seconds".to_owned(),
             Suspicion::Quieter { instrument, .. } | Suspicion::Louder { instrument, .. } => {
                 match instrument {
-                    Instrument::Accelerometer => {
+                    NoiseSource::Accelerometer => {
                         "it is 1 sigma of one sample, in g: 10 micro-g are 1e-5".to_owned()
                     }
-                    Instrument::Gyro if key.ends_with("sqrt_h") => {
+                    NoiseSource::Gyro if key.ends_with("sqrt_h") => {
                         format!("{key} is in degrees per square root of an hour")
                     }
-                    Instrument::Gyro => {
+                    NoiseSource::Gyro => {
                         format!("{key} is 1 sigma of the average over one filter period, in deg/h")
                     }
                 }

@@ -1,7 +1,7 @@
 //! What the paper says about observability, and what follows from it.
 
 use scheme_opt::internals::analysis::suggest::Suggestion;
-use scheme_opt::internals::analysis::{Analysis, State, state_orders_of_a_dwell};
+use scheme_opt::internals::analysis::{Analysis, PlatformState, state_orders_of_a_dwell};
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D, DriftKind};
@@ -53,14 +53,14 @@ fn orders_of_the_states_are_those_of_the_papers_table() {
         config.site.latitude_deg = latitude_deg;
         let model = CovarianceModel::new(&config.check().unwrap());
         let orders = state_orders_of_a_dwell(&model);
-        for (state, order) in State::ALL.into_iter().zip(orders) {
+        for (state, order) in PlatformState::ALL.into_iter().zip(orders) {
             // At a pole ψ_y drops out of (10) and (12): ε_z stands alone, ε_y is hidden.
             let pole = latitude_deg == 90.0;
             let expected = match state {
-                State::PsiX | State::PsiZ => Some(Order::Zero),
-                State::EpsilonX | State::EpsilonZMinusAzimuth => FIRST,
-                State::EpsilonZ if pole => FIRST,
-                State::EpsilonY | State::PsiYRate if !pole => SECOND,
+                PlatformState::PsiX | PlatformState::PsiZ => Some(Order::Zero),
+                PlatformState::EpsilonX | PlatformState::EpsilonZMinusAzimuth => FIRST,
+                PlatformState::EpsilonZ if pole => FIRST,
+                PlatformState::EpsilonY | PlatformState::PsiYRate if !pole => SECOND,
                 _ => None,
             };
             assert_eq!(order, expected, "{} at {latitude_deg}", state.name());
