@@ -36,13 +36,13 @@ mod design;
 mod directions;
 mod largest;
 mod majorant;
+mod minimum_time;
 mod profile;
 #[cfg(test)]
 mod proofs;
 mod recursion;
 mod remark;
 mod sampling;
-mod shortest;
 
 use rayon::prelude::*;
 
@@ -58,8 +58,8 @@ use design::Space;
 use directions::{Allowed, Directions};
 pub use majorant::Majorant;
 use majorant::{Bounded, Choice, Emphasis, majorants};
+pub use minimum_time::MinimumTime;
 pub use remark::Remark;
-pub use shortest::MinimumTime;
 
 /// Relative margin on every bound: rounding, and filter periods counted as whole when they are
 /// so within 1e-9 of a period.
@@ -294,19 +294,27 @@ impl Certifier {
     }
 
     /// The bracket on the criterion's value itself.
-    fn bracket(&self, problem: &Problem<'_>, criterion: &Criterion) -> Result<(Bracket, Scale)> {
+    fn bracket(
+        &self,
+        problem: &Problem<'_>,
+        criterion: &Criterion,
+    ) -> Result<(Bracket, BracketScale)> {
         let open = self.conditions.prior_sigma.iter().filter(|s| **s > 0.0);
         let open = open.count() as f64;
         Ok(match criterion {
             Criterion::A { weights } => {
                 let bracket = problem.weighted_variance(weights)?;
-                (bracket, Scale::Variance(weights.sum()))
+                (bracket, BracketScale::Variance(weights.sum()))
             }
-            Criterion::D => (problem.log_determinant()?, Scale::LogDeterminant(open)),
-            Criterion::E => (problem.worst_variance()?, Scale::Variance(1.0)),
-            Criterion::MaxRatio { spec_deg_per_h } => {
-                (problem.worst_ratio(spec_deg_per_h)?, Scale::Variance(1.0))
-            }
+            Criterion::D => (
+                problem.log_determinant()?,
+                BracketScale::LogDeterminant(open),
+            ),
+            Criterion::E => (problem.worst_variance()?, BracketScale::Variance(1.0)),
+            Criterion::MaxRatio { spec_deg_per_h } => (
+                problem.worst_ratio(spec_deg_per_h)?,
+                BracketScale::Variance(1.0),
+            ),
         })
     }
 
@@ -349,17 +357,20 @@ impl Certifier {
 }
 
 /// How a bracket becomes the criterion's value.
-enum Scale {
+enum BracketScale {
     /// √(v/weight).
     Variance(f64),
     /// exp(v/2n).
     LogDeterminant(f64),
 }
 
-fn finish((bracket, scale): (Bracket, Scale), majorant: MajorantInUse) -> Result<CriterionBound> {
+fn finish(
+    (bracket, scale): (Bracket, BracketScale),
+    majorant: MajorantInUse,
+) -> Result<CriterionBound> {
     let value = |v: f64| match scale {
-        Scale::Variance(weight) => (v.max(0.0) / weight).sqrt(),
-        Scale::LogDeterminant(count) => libm::exp(v / (2.0 * count)),
+        BracketScale::Variance(weight) => (v.max(0.0) / weight).sqrt(),
+        BracketScale::LogDeterminant(count) => libm::exp(v / (2.0 * count)),
     };
     let (lower, design) = (value(bracket.lower), value(bracket.design));
     if !lower.is_finite() {

@@ -15,6 +15,7 @@ mod commands;
 mod compare;
 mod completions;
 mod evaluate;
+mod exit;
 mod files;
 mod init;
 mod inputs;
@@ -31,46 +32,13 @@ mod standard;
 mod table;
 
 use std::ffi::OsString;
-use std::process::ExitCode;
 
 use clap::Parser;
 
 use crate::error::Result;
-use args::{Cli, Command};
+use args::{Cli, Invocation};
+pub use exit::Exit;
 use output::Output;
-
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Exit {
-    /// Done.
-    Done,
-    /// No acceptable schedule: the specification or the limits cannot be met.
-    NoSchedule,
-    /// Done, and `simulate --check` found something to doubt.
-    Doubtful,
-    /// Usage or input error, or a computation that refused to answer.
-    Failed,
-    /// Interrupted; the best schedule so far is written.
-    Interrupted,
-}
-
-impl Exit {
-    /// The exit code of the process.
-    pub const fn code(self) -> u8 {
-        match self {
-            Self::Done => 0,
-            Self::NoSchedule | Self::Doubtful => 1,
-            Self::Failed => 2,
-            Self::Interrupted => 130,
-        }
-    }
-}
-
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
-        Self::from(exit.code())
-    }
-}
 
 /// Runs the command line `args`, the program's name first.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> Exit {
@@ -98,21 +66,21 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Exit {
     }
 }
 
-fn dispatch(command: &Command) -> Result<Exit> {
+fn dispatch(command: &Invocation) -> Result<Exit> {
     let output = Output::new(command.is_quiet());
     match command {
-        Command::Search(args) => search::run(args, output),
-        Command::Evaluate(args) => evaluate::run(args, output),
-        Command::Analyze(args) => analyze::run(args, output),
-        Command::Simulate(args) => simulate::run(args, output),
-        Command::Compare(args) => compare::run(args, output),
-        Command::Bound(args) => bound::run(args, output),
-        Command::Init(args) => init::run(args, output),
-        Command::Standard(args) => standard::run(args, output),
-        Command::Commands(args) => commands::run(args, output),
-        Command::Report(args) => page::run(args, output),
-        Command::Schema(args) => schema::run(args, output),
-        Command::Completions(args) => completions::run(args, output),
-        Command::Man(args) => man::run(args, output),
+        Invocation::Search(args) => search::run(args, output),
+        Invocation::Evaluate(args) => evaluate::run(args, output),
+        Invocation::Analyze(args) => analyze::run(args, output),
+        Invocation::Simulate(args) => simulate::run(args, output),
+        Invocation::Compare(args) => compare::run(args, output),
+        Invocation::Bound(args) => bound::run(args, output),
+        Invocation::Init(args) => init::run(args, output),
+        Invocation::Standard(args) => standard::run(args, output),
+        Invocation::Commands(args) => commands::run(args, output),
+        Invocation::Report(args) => page::run(args, output),
+        Invocation::Schema(args) => schema::run(args, output),
+        Invocation::Completions(args) => completions::run(args, output),
+        Invocation::Man(args) => man::run(args, output),
     }
 }

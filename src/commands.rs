@@ -164,7 +164,7 @@ impl CommandTable {
                 .with_key("step_deg")
                 .with_value(step_deg));
         }
-        let mut builder = Builder {
+        let mut builder = TableBuilder {
             earth_rate_n: platform.earth_rate_n(),
             step,
             time_s: 0.0,
@@ -324,14 +324,14 @@ impl CommandDocument {
     }
 }
 
-struct Builder {
+struct TableBuilder {
     earth_rate_n: Vector3<f64>,
     step: f64,
     time_s: f64,
     commands: Vec<Command>,
 }
 
-impl Builder {
+impl TableBuilder {
     fn leg(&mut self, leg: &Leg, position: Option<usize>, returns: bool) {
         if let Some(m) = &leg.arrival {
             let segment = match returns {

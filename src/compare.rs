@@ -12,7 +12,7 @@ pub use ordering::{MOST_PROVEN, Proof};
 
 /// A schedule to compare.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Contender {
+pub struct ComparisonEntry {
     /// What it is called.
     pub name: String,
     /// Where its positions come from.
@@ -30,7 +30,7 @@ pub enum Source {
 
 /// The order in which the positions of a scheme are visited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Order {
+pub enum PositionOrder {
     /// As given.
     AsGiven,
     /// The best of all orders of the positions, proven ([`Proof::Complete`]): the dwells equal as
@@ -42,7 +42,7 @@ pub enum Order {
     BestFound,
 }
 
-impl Order {
+impl PositionOrder {
     /// The name used in documents.
     pub const fn name(self) -> &'static str {
         match self {
@@ -90,11 +90,11 @@ pub struct Terms {
 
 /// A schedule compared.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Compared {
+pub struct ComparedSchedule {
     /// What it is called.
     pub name: String,
     /// The order of its positions.
-    pub order: Order,
+    pub order: PositionOrder,
     /// How that order was searched for; none for an order as given.
     pub order_search: Option<OrderSearch>,
     /// The schedule as it was run with its evaluation, or why it cannot be.
@@ -105,13 +105,13 @@ pub struct Compared {
 /// comes after the scheme itself. Runs on the rayon pool it is called from.
 ///
 /// ```
-/// use scheme_opt::internals::compare::{Contender, MOST_STEPS, Source, Terms, compare};
+/// use scheme_opt::internals::compare::{ComparisonEntry, MOST_STEPS, Source, Terms, compare};
 /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
 /// use scheme_opt::internals::platform::PlatformConfig;
 /// use scheme_opt::internals::schedule::standard::StandardScheme;
 ///
 /// let evaluator = Evaluator::new(PlatformConfig::default().check()?, Objective::default());
-/// let contenders = ["faces-6", "icosahedron-12"].map(|name| Contender {
+/// let contenders = ["faces-6", "icosahedron-12"].map(|name| ComparisonEntry {
 ///     name: name.to_owned(),
 ///     source: Source::Standard(StandardScheme::from_name(name).unwrap()),
 /// });
@@ -127,12 +127,16 @@ pub struct Compared {
 /// assert!(rms(1) < rms(0));
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
-pub fn compare(evaluator: &Evaluator, contenders: &[Contender], terms: &Terms) -> Vec<Compared> {
+pub fn compare(
+    evaluator: &Evaluator,
+    contenders: &[ComparisonEntry],
+    terms: &Terms,
+) -> Vec<ComparedSchedule> {
     let mut all = Vec::with_capacity(contenders.len());
     for contender in contenders {
-        let as_given = |schedule: Result<Schedule>| Compared {
+        let as_given = |schedule: Result<Schedule>| ComparedSchedule {
             name: contender.name.clone(),
-            order: Order::AsGiven,
+            order: PositionOrder::AsGiven,
             order_search: None,
             outcome: schedule.and_then(|s| evaluated(evaluator, s)),
         };
@@ -170,7 +174,7 @@ fn in_best_order(
     name: &str,
     given: Result<Schedule>,
     terms: &Terms,
-) -> Compared {
+) -> ComparedSchedule {
     let found = given.and_then(|given| {
         let positions: Vec<_> = given.positions().iter().map(|p| p.position).collect();
         let Terms {
@@ -182,11 +186,11 @@ fn in_best_order(
         ordering::best_order(evaluator, &positions, total_time_s, seed, most_steps)
             .ok_or_else(|| Error::numerical("no order of it can be rated"))
     });
-    Compared {
+    ComparedSchedule {
         name: name.to_owned(),
         order: match &found {
-            Ok(found) if found.proof == Proof::Complete => Order::Best,
-            _ => Order::BestFound,
+            Ok(found) if found.proof == Proof::Complete => PositionOrder::Best,
+            _ => PositionOrder::BestFound,
         },
         order_search: found.as_ref().ok().map(|found| OrderSearch {
             proof: found.proof,
@@ -220,7 +224,7 @@ mod tests {
             seed: 1,
             most_steps: 10_000,
         };
-        let contender = Contender {
+        let contender = ComparisonEntry {
             name: "faces-12".to_owned(),
             source: Source::Standard(StandardScheme::Faces12),
         };
@@ -254,7 +258,7 @@ mod tests {
         let schedule = StandardScheme::Edges12
             .schedule(3000.0, evaluator.platform())
             .unwrap();
-        let contender = Contender {
+        let contender = ComparisonEntry {
             name: "mine".to_owned(),
             source: Source::Given(schedule),
         };

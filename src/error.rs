@@ -38,10 +38,10 @@ pub enum ErrorKind {
 /// assert_eq!(error.allowed(), Some("-90 to 90"));
 /// ```
 #[derive(Debug, Clone, PartialEq)]
-pub struct Error(Box<Context>);
+pub struct Error(Box<Details>);
 
 #[derive(Debug, Clone, PartialEq)]
-struct Context {
+struct Details {
     kind: ErrorKind,
     message: String,
     file: Option<PathBuf>,
@@ -69,7 +69,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
-        Self(Box::new(Context {
+        Self(Box::new(Details {
             kind,
             message: message.into(),
             file: None,

@@ -14,6 +14,7 @@ macro_rules! open {
 }
 
 open!(
+    analysis,
     attitude,
     baseline,
     certificate,

@@ -51,6 +51,7 @@
 // Results have the same bytes on every machine: clippy.toml.
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod analysis;
 mod attitude;
 mod baseline;
 mod certificate;
@@ -78,6 +79,7 @@ mod simulate;
 mod study;
 mod suspicion;
 mod units;
+mod wording;
 
 pub mod documents;
 pub mod settings;

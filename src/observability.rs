@@ -26,74 +26,27 @@
 //! projector on the other columns. 1: its signature is its own; 0: not separable.
 
 pub mod advice;
-pub mod analysis;
 pub mod classical;
-mod combinations;
-pub mod levelling;
+pub(crate) mod combinations;
 pub mod nearly;
-pub mod reconstruction;
-mod regressor;
-mod row_space;
+mod order;
+pub(crate) mod regressor;
+pub(crate) mod row_space;
 pub mod separability;
 mod singular;
 pub mod solution;
-pub mod suggest;
-mod unobservable;
 pub mod weak;
-
-use serde::{Deserialize, Serialize};
 
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
 pub use combinations::Combination;
+pub use order::Order;
 pub use regressor::Channel;
 use regressor::{Regressor, UNKNOWNS};
 pub use row_space::RANK_TOLERANCE;
 use row_space::RowSpace;
-pub use unobservable::{USEFUL, Unobservable};
-
-/// Observability order: the highest derivative of the measurement that a solution needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(into = "u8", try_from = "u8")]
-pub enum Order {
-    /// From the measurement itself.
-    Zero,
-    /// Needs its first derivative.
-    First,
-    /// Needs its second derivative.
-    Second,
-}
-
-impl Order {
-    /// As a number: 0, 1, 2.
-    pub const fn number(self) -> u8 {
-        match self {
-            Self::Zero => 0,
-            Self::First => 1,
-            Self::Second => 2,
-        }
-    }
-}
-
-impl From<Order> for u8 {
-    fn from(order: Order) -> Self {
-        order.number()
-    }
-}
-
-impl TryFrom<u8> for Order {
-    type Error = String;
-
-    fn try_from(number: u8) -> std::result::Result<Self, String> {
-        [Self::Zero, Self::First, Self::Second]
-            .into_iter()
-            .find(|order| order.number() == number)
-            .ok_or_else(|| format!("{number} is not an observability order: 0, 1 or 2"))
-    }
-}
 
 /// What a schedule makes observable.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,10 +74,8 @@ pub struct Observability {
     /// Condition number of the weighted rows, columns scaled to length one; infinite when the
     /// rank is short.
     pub condition_number: f64,
-    /// The combinations that stay unobservable, by name.
-    pub unobservable: Vec<String>,
-    /// The same as combinations.
-    pub unobservable_combinations: Vec<Combination>,
+    /// The combinations that stay unobservable.
+    pub unobservable: Vec<Combination>,
     spaces: Spaces,
 }
 
@@ -186,8 +137,6 @@ impl Observability {
             return Err(Error::numerical("the weight of a channel is not finite"));
         }
         let missing = spaces.all.missing(unknowns);
-        let unobservable_combinations: Vec<Combination> =
-            missing.into_iter().map(Combination::from_array).collect();
         let each = DriftCoefficient::ALL.map(Combination::single);
         let orders = each.map(|c| spaces.order_of(&c));
         let first = |c: DriftCoefficient| orders[c.index()].is_some_and(|o| o <= Order::First);
@@ -207,11 +156,7 @@ impl Observability {
             rank_x: spaces.x.rank(),
             unknowns,
             condition_number: separability::condition_number(&weighted, &spaces.all, unknowns),
-            unobservable: unobservable_combinations
-                .iter()
-                .map(Combination::to_string)
-                .collect(),
-            unobservable_combinations,
+            unobservable: missing.into_iter().map(Combination::from_array).collect(),
             spaces,
         })
     }
@@ -342,13 +287,10 @@ mod tests {
         let o = analyze(&[Position::default()]);
         // (27): only D_FX − D_SX, D_FY − D_IY and D_FZ − D_SZ − ω_N ψ_y are seen.
         assert_eq!(o.rank, 3);
-        assert!(
-            o.unobservable.contains(&"D_FX + D_SX".to_owned()),
-            "{:?}",
-            o.unobservable
-        );
-        assert!(o.unobservable.contains(&"D_FY + D_IY".to_owned()));
-        assert!(o.unobservable.contains(&"D_OX".to_owned()));
+        let names: Vec<String> = o.unobservable.iter().map(ToString::to_string).collect();
+        for name in ["D_FX + D_SX", "D_FY + D_IY", "D_OX"] {
+            assert!(names.contains(&name.to_owned()), "{names:?}");
+        }
         assert!(o.condition_number.is_infinite());
         assert!(o.orders.iter().all(Option::is_none));
         assert_eq!(o.separability.max(), 0.0);
@@ -359,6 +301,7 @@ mod tests {
         let o = analyze_at(90.0, &generic(12));
         assert_eq!(o.unknowns, 12);
         assert_eq!(o.rank, 11);
-        assert_eq!(o.unobservable, ["D_IX + D_IY + D_IZ"]);
+        assert_eq!(o.unobservable.len(), 1);
+        assert_eq!(o.unobservable[0].to_string(), "D_IX + D_IY + D_IZ");
     }
 }

@@ -1,8 +1,8 @@
 //! Reports: what the other modules compute, as pictures, sentences and pages.
 //!
 //! [`html`] makes a self-contained page from a document; [`figure`] draws diagrams, [`curves`] the
-//! course of a simulated run; [`words`] and [`numbers`] are shared with the command line and the
-//! documents, and are there without the feature `report` too.
+//! course of a simulated run; [`words`] are shared with the command line, and are there without the
+//! feature `report` too.
 
 #[cfg(feature = "report")]
 pub mod curves;
@@ -10,5 +10,4 @@ pub mod curves;
 pub mod figure;
 #[cfg(feature = "report")]
 pub mod html;
-pub mod numbers;
 pub mod words;

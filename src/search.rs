@@ -9,7 +9,7 @@
 //!    (clarabel); positions whose time goes to zero are dropped. Then positions are removed one
 //!    by one as long as the score loses less than a tolerance by it: a position that does not
 //!    pay is a position somebody has to drive to.
-//! 4. **Improve** ([`order`]): for the best few, proposals beyond what the gradient sees, each
+//! 4. **Improve** ([`reordering`]): for the best few, proposals beyond what the gradient sees, each
 //!    refined for a while: other orders of the positions by 2-opt and or-opt moves, positions
 //!    inserted where the exact directional derivative over the attitude set promises most, and
 //!    random kicks. Of the Euler triples of an attitude the quickest to reach are taken.
@@ -33,20 +33,21 @@ mod finish;
 mod fit;
 pub mod front;
 mod improve;
+mod index_table;
 mod insert;
 mod journal;
 mod lbfgs;
-pub mod order;
 mod pipeline;
 pub mod plan;
 mod problem;
 mod progress;
 pub mod propose;
 mod rated;
+mod reason;
 mod refine;
+pub mod reordering;
 pub mod shortest;
 mod still;
-mod table;
 mod termination;
 mod together;
 mod tumbling;
@@ -55,19 +56,19 @@ pub mod variables;
 mod ways;
 mod workshop;
 
+use crate::analysis::Unobservable;
 use crate::criterion::Criterion;
-use crate::drift::DriftCoefficient;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator, Objective};
 use crate::motion::MAX_FILTER_PERIODS;
-use crate::observability::Unobservable;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
-use context::{Context, Work};
+use context::{Context, WorkDone};
 pub use journal::Journal;
 use pipeline::best_candidate;
 pub use problem::{Counters, FrontPoint, SearchOutcome, SearchProblem, Status};
 pub use progress::{Control, Phase, Progress};
+pub use reason::{EnoughTime, MissedSpecification, Reason};
 pub use termination::RefinementCounters;
 
 /// Searches for the best schedule of `problem` on the evaluator's platform, by its objective.
@@ -86,7 +87,7 @@ pub fn search(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
         return Ok(known);
     }
@@ -116,7 +117,7 @@ pub(crate) fn nothing_to_find(
     evaluator: &Evaluator,
     problem: &SearchProblem,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
 ) -> Result<Option<SearchOutcome>> {
     let objective = evaluator.objective();
     let prior = evaluator.model().prior_sigma_deg_per_h();
@@ -130,7 +131,7 @@ pub(crate) fn nothing_to_find(
     let schedule = still::stillest(evaluator.platform())?;
     let mut outcome = conclude(evaluator, control, work, schedule)?;
     if outcome.status == Status::Converged {
-        outcome.reason = format!("{why}; no test is needed, and this is the shortest there is");
+        outcome.reason = Reason::NoTestNeeded(why);
     }
     Ok(Some(outcome))
 }
@@ -152,7 +153,7 @@ pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Eval
 pub(crate) fn conclude(
     evaluator: &Evaluator,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
     schedule: Schedule,
 ) -> Result<SearchOutcome> {
     let evaluation = evaluator.evaluate(&schedule)?;
@@ -171,7 +172,7 @@ pub(crate) fn conclude(
 
 /// What this search cannot plan is refused, not quietly left out.
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
-    let empty = table::Table::new(evaluator.platform()).is_some_and(|t| t.is_empty());
+    let empty = index_table::IndexTable::new(evaluator.platform()).is_some_and(|t| t.is_empty());
     if empty {
         return Err(still::no_setting());
     }
@@ -214,72 +215,36 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
 fn verdict(
     evaluator: &Evaluator,
     control: &Control,
-    work: &Work,
+    work: &WorkDone,
     evaluation: &Evaluation,
     unobservable: &Unobservable,
-) -> (Status, String) {
-    let cut_short = work.was_cut_short();
+) -> (Status, Reason) {
     if control.is_cancelled() {
-        return (
-            Status::Interrupted,
-            "interrupted; the schedule is the best found so far".to_owned(),
-        );
+        return (Status::Interrupted, Reason::Interrupted);
     }
-    if cut_short {
-        return (
-            Status::TimeLimit,
-            "the time limit was reached; the schedule is the best found so far, confirmed by the \
-             step-by-step filter after the limit"
-                .to_owned(),
-        );
+    if work.was_cut_short() {
+        return (Status::TimeLimit, Reason::TimeLimit);
     }
-    let score = &evaluation.score;
+    let (objective, score) = (evaluator.objective(), &evaluation.score);
     if !score.meets_minimum_separability {
-        return (
-            Status::Infeasible,
-            format!(
-                "no schedule found reaches the minimum separability {}; the nearest has {:.4}",
-                evaluator.objective().minimum_separability,
-                score.least_separability
-            ),
-        );
+        let reason = Reason::SeparabilityMissed {
+            minimum: objective.minimum_separability,
+            nearest: score.least_separability,
+        };
+        return (Status::Infeasible, reason);
     }
-    if let Some(words) = unobservable.in_words() {
-        return (Status::Infeasible, words);
+    if !unobservable.is_acceptable() {
+        let reason = Reason::Unobservable(unobservable.clone());
+        return (Status::Infeasible, reason);
     }
-    let missed = missed_specifications(evaluator, evaluation);
-    if matches!(evaluator.objective().criterion, Criterion::MaxRatio { .. }) && !missed.is_empty() {
-        return (
-            Status::Infeasible,
-            format!(
-                "no schedule found meets the specification in {:.0} s: missed by {}; one {:.4} \
-                 times as wide is met",
-                evaluation.total_time_s,
-                missed.join(", "),
-                score.criterion
-            ),
-        );
+    let missed = MissedSpecification::all(objective, evaluation);
+    if matches!(objective.criterion, Criterion::MaxRatio { .. }) && !missed.is_empty() {
+        let reason = Reason::SpecificationMissed {
+            total_time_s: evaluation.total_time_s,
+            missed,
+            times_as_wide: score.criterion,
+        };
+        return (Status::Infeasible, reason);
     }
-    let mut reason = "all starts were screened, the best improved until nothing tried made them \
-                      better, and the winner was confirmed by the step-by-step filter"
-        .to_owned();
-    if !missed.is_empty() {
-        reason.push_str("; the specification is missed by ");
-        reason.push_str(&missed.join(", "));
-    }
-    (Status::Converged, reason)
-}
-
-/// The coefficients that miss their specification, with both numbers.
-pub(crate) fn missed_specifications(evaluator: &Evaluator, evaluation: &Evaluation) -> Vec<String> {
-    let Some(spec) = evaluator.objective().spec_deg_per_h else {
-        return Vec::new();
-    };
-    let sigma = evaluation.end.sigma_deg_per_h();
-    DriftCoefficient::ALL
-        .into_iter()
-        .map(|c| (c.name(), sigma[c.index()], spec[c.index()]))
-        .filter(|(_, sigma, spec)| sigma > spec)
-        .map(|(name, sigma, spec)| format!("{name} ({sigma:.3e} > {spec:.3e} deg/h)"))
-        .collect()
+    (Status::Converged, Reason::Finished { missed })
 }

@@ -65,6 +65,7 @@ pub mod divergence;
 mod ekf;
 pub mod judgement;
 mod monte_carlo;
+mod options;
 mod program;
 pub mod specification;
 mod square_root;
@@ -73,179 +74,24 @@ mod trajectory;
 mod truth;
 
 pub use monte_carlo::{MAX_RUNS, MonteCarlo, PositionCheck, StateCheck};
+pub use options::{
+    FilterModel, InitialTruth, SimulationOptions, ToldNoise, TruthModel, TruthNoise,
+};
 pub use program::MAX_INTERVALS;
 pub use sweep::{PriorSize, SweepPoint, largest_without_optimism, sweep};
 pub use trajectory::{Sample, Trajectory};
 
-use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::drift::CoefficientVector;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::motion::Timeline;
 use crate::platform::Platform;
 
-use ekf::{Belief, ExtendedFilter, Filter, Gains, LinearFilter};
+use ekf::{Belief, ExtendedFilter, Filter, LinearFilter, LinearGains};
 use program::Program;
 use square_root::StateVector;
-use truth::{Record, TrueNoise};
-
-/// Equations of the true platform.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TruthModel {
-    /// Exact rotations and specific forces, see the module text.
-    #[default]
-    Nonlinear,
-    /// The paper's (8) and (9): what its own simulation integrates.
-    FirstOrder,
-}
-
-impl TruthModel {
-    /// All of them.
-    pub const ALL: [Self; 2] = [Self::Nonlinear, Self::FirstOrder];
-
-    /// The name in options and documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Nonlinear => "nonlinear",
-            Self::FirstOrder => "first-order",
-        }
-    }
-}
-
-/// What the filter linearises about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FilterModel {
-    /// ψ = 0: the paper's linear model.
-    Linear,
-    /// The estimate of the moment.
-    Extended,
-    /// The estimate of the whole test, in several passes.
-    #[default]
-    Iterated,
-}
-
-impl FilterModel {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Linear, Self::Extended, Self::Iterated];
-
-    /// The name in options and documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Extended => "extended",
-            Self::Iterated => "iterated",
-        }
-    }
-}
-
-/// Whether the truth has noise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TruthNoise {
-    /// Random drift and accelerometer noise as the platform has them.
-    #[default]
-    Drawn,
-    /// None: for comparing models.
-    None,
-}
-
-/// What the filter is told of the noises, as factors of the truth's 1σ. One is the truth;
-/// anything else makes a filter that misjudges itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct ToldNoise {
-    /// Of the accelerometers.
-    pub accelerometer_factor: f64,
-    /// Of the random drift.
-    pub random_drift_factor: f64,
-}
-
-impl ToldNoise {
-    /// The same factor for both.
-    pub const fn both(factor: f64) -> Self {
-        Self {
-            accelerometer_factor: factor,
-            random_drift_factor: factor,
-        }
-    }
-}
-
-impl Default for ToldNoise {
-    fn default() -> Self {
-        Self::both(1.0)
-    }
-}
-
-/// What is simulated, and with what filter.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[non_exhaustive]
-pub struct SimulationOptions {
-    /// Equations of the true platform.
-    pub truth: TruthModel,
-    /// What the filter linearises about.
-    pub filter: FilterModel,
-    /// Whether the truth has noise.
-    pub noise: TruthNoise,
-    /// What the filter is told of it.
-    pub told: ToldNoise,
-}
-
-impl SimulationOptions {
-    /// With this model of the truth.
-    #[must_use]
-    pub const fn with_truth(mut self, truth: TruthModel) -> Self {
-        self.truth = truth;
-        self
-    }
-
-    /// With this filter.
-    #[must_use]
-    pub const fn with_filter(mut self, filter: FilterModel) -> Self {
-        self.filter = filter;
-        self
-    }
-
-    /// With or without noise in the truth.
-    #[must_use]
-    pub const fn with_noise(mut self, noise: TruthNoise) -> Self {
-        self.noise = noise;
-        self
-    }
-
-    /// With a filter that is told this of the noise.
-    #[must_use]
-    pub const fn with_told(mut self, told: ToldNoise) -> Self {
-        self.told = told;
-        self
-    }
-
-    /// Checks what the filter is told.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_input`] for a factor outside 1e-6 to 1e6.
-    pub fn check(&self) -> Result<()> {
-        for (key, factor) in [
-            ("told.accelerometer_factor", self.told.accelerometer_factor),
-            ("told.random_drift_factor", self.told.random_drift_factor),
-        ] {
-            if !(1e-6..=1e6).contains(&factor) {
-                return Err(Error::out_of_range(key, factor, "1e-6 to 1e6"));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The true values a run starts from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InitialTruth {
-    /// ψ^n(0) about North, Up, East: the rotation vector of E, arcsec.
-    pub misalignment_n_arcsec: Vector3<f64>,
-    /// D, °/h (per g).
-    pub drift_deg_per_h: CoefficientVector,
-}
+use truth::{TrueNoise, TruthRecord};
 
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
@@ -273,7 +119,7 @@ pub struct Simulation {
     /// 1σ that truths are drawn with.
     prior_sigma: StateVector,
     /// Of the linear filter.
-    gains: Gains,
+    gains: LinearGains,
 }
 
 /// Most passes of an iterated filter; two or three are usual.
@@ -284,9 +130,9 @@ const MOST_PASSES: usize = 6;
 const CONVERGED: f64 = 0.01;
 
 /// One interval of a run, done.
-struct Step<'s, 'a> {
+struct FinishedInterval<'s, 'a> {
     index: usize,
-    record: &'s Record,
+    record: &'s TruthRecord,
     filter: &'s Filter<'a>,
     nis: Option<f64>,
 }
@@ -305,7 +151,7 @@ impl Simulation {
         options.check()?;
         let program = Program::new(platform, timeline)?;
         let belief = Belief::new(platform, &options.told);
-        let gains = Gains::new(&program, &belief, &mut |_| {});
+        let gains = LinearGains::new(&program, &belief, &mut |_| {});
         Ok(Self {
             platform: platform.clone(),
             options,
@@ -322,7 +168,7 @@ impl Simulation {
     }
 
     /// What happens in one run.
-    fn record(&self, initial: &InitialTruth, random: &mut ChaCha8Rng) -> Record {
+    fn record(&self, initial: &InitialTruth, random: &mut ChaCha8Rng) -> TruthRecord {
         let noise = match self.options.noise {
             TruthNoise::Drawn => TrueNoise {
                 drift_psd: self.platform.drift_psd_rad2_per_s(),
@@ -334,13 +180,17 @@ impl Simulation {
             },
         };
         let (model, earth) = (self.options.truth, &self.belief.earth_rate_n);
-        Record::new(&self.program, earth, model, initial, noise, random)
+        TruthRecord::new(&self.program, earth, model, initial, noise, random)
     }
 
     /// What the filter makes of a run. `observe` is called after every interval; an iterated
     /// filter goes through the test more than once and starts again at index 0. Gives how far its
     /// last pass moved the estimate, squared and in σ.
-    fn estimate(&self, record: &Record, observe: &mut dyn FnMut(&Step<'_, '_>)) -> Option<f64> {
+    fn estimate(
+        &self,
+        record: &TruthRecord,
+        observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
+    ) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
             let filter = Filter::Linear(LinearFilter::new(&self.gains));
             self.pass(record, filter, observe);
@@ -372,16 +222,16 @@ impl Simulation {
     /// Takes `filter` through the test.
     fn pass<'a>(
         &self,
-        record: &Record,
+        record: &TruthRecord,
         mut filter: Filter<'a>,
-        observe: &mut dyn FnMut(&Step<'_, '_>),
+        observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
     ) -> Filter<'a> {
         for (index, interval) in self.program.intervals.iter().enumerate() {
             filter.advance(&self.program, interval);
             let nis = interval
                 .measured
                 .then(|| filter.measure(interval, &record.z[index]));
-            observe(&Step {
+            observe(&FinishedInterval {
                 index,
                 record,
                 filter: &filter,

@@ -32,13 +32,13 @@ pub use compared::{ComparisonOptions, ComparisonResult, Contender};
 pub use searched::SearchResult;
 pub use simulated::{SimulationRequest, SimulationResult};
 
+use crate::analysis::Analysis;
 use crate::certificate::Certifier;
 use crate::commands::CommandTable;
 use crate::config::{CheckedConfig, StudyConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
-use crate::observability::analysis::Analysis;
 use crate::results::{AnalysisDocument, BoundDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 

@@ -33,11 +33,11 @@ pub(super) struct Space<'a> {
     pub bounded: Bounded,
     pub attitudes: Attitudes<'a>,
     /// Attitudes a design starts from, each as its scaled rows √(mass δ) A U.
-    start: Vec<Rows>,
+    start: Vec<ScaledRows>,
 }
 
 /// Rows of one attitude, so that its information is RᵀR.
-type Rows = DMatrix<f64>;
+type ScaledRows = DMatrix<f64>;
 
 /// Spacing of the directions a design starts from, rad.
 const START_SPACING: f64 = 0.26;
@@ -110,7 +110,7 @@ impl<'a> Space<'a> {
         self.attitudes.every_attitude()
     }
 
-    fn rows(&self, attitude: &Attitude) -> Rows {
+    fn rows(&self, attitude: &Attitude) -> ScaledRows {
         let a = drift_matrix(attitude);
         let scaled = DMatrix::from_fn(3, COEFFICIENTS, |i, j| {
             (self.bounded.mass * self.bounded.delta[i]).sqrt() * a[(i, j)]
@@ -169,7 +169,7 @@ pub(super) fn prior_part(factor: &DMatrix<f64>, prior: &DMatrix<f64>) -> f64 {
 /// Weights on attitudes.
 struct Design<'a> {
     space: &'a Space<'a>,
-    rows: Vec<Rows>,
+    rows: Vec<ScaledRows>,
     weights: Vec<f64>,
 }
 
@@ -207,7 +207,7 @@ impl Design<'_> {
 
     fn values(&self, factor: &DMatrix<f64>) -> Vec<f64> {
         let square = factor * factor.transpose();
-        let value = |rows: &Rows| rows.dot(&(rows * &square));
+        let value = |rows: &ScaledRows| rows.dot(&(rows * &square));
         self.rows.iter().map(value).collect()
     }
 

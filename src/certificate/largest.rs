@@ -54,7 +54,7 @@ pub(super) struct Peak {
 
 /// φ at one direction of gravity.
 #[derive(Debug, Clone, Copy)]
-struct Value {
+struct PhiValue {
     /// Over all headings.
     mean: f64,
     /// How far the heading moves it up or down.
@@ -102,17 +102,17 @@ impl<'a> Attitudes<'a> {
         }
     }
 
-    fn values(&self, grouped: &Grouped, directions: &[Vector3<f64>]) -> Vec<Value> {
+    fn values(&self, grouped: &Grouped, directions: &[Vector3<f64>]) -> Vec<PhiValue> {
         directions.iter().map(|g| self.value(grouped, g)).collect()
     }
 
-    fn value(&self, grouped: &Grouped, g: &Vector3<f64>) -> Value {
+    fn value(&self, grouped: &Grouped, g: &Vector3<f64>) -> PhiValue {
         let q = grouped.at(g);
         let (e1, e2) = plane(g);
         let (q1, q2) = (q * e1, q * e2);
         let (a, b, d) = (e1.dot(&q1), e1.dot(&q2), e2.dot(&q2));
         let [x, y, z] = self.delta;
-        Value {
+        PhiValue {
             mean: 0.5 * (x + z) * (a + d) + y * g.dot(&(q * g)),
             swing: 0.5 * (x - z).abs() * libm::hypot(a - d, 2.0 * b),
         }
@@ -124,7 +124,7 @@ impl<'a> Attitudes<'a> {
         &self,
         grouped: &Grouped,
         directions: &[Vector3<f64>],
-        values: &[Value],
+        values: &[PhiValue],
         radius: f64,
     ) -> f64 {
         let sphere = &self.directions.sphere;
@@ -168,7 +168,7 @@ impl<'a> Attitudes<'a> {
         &self,
         grouped: &Grouped,
         directions: &[Vector3<f64>],
-        values: &[Value],
+        values: &[PhiValue],
     ) -> Vec<Attitude> {
         let (top, _) = extremes(values);
         let mut high: Vec<(f64, usize)> = values
@@ -232,7 +232,7 @@ impl<'a> Attitudes<'a> {
     }
 }
 
-fn extremes(values: &[Value]) -> (f64, f64) {
+fn extremes(values: &[PhiValue]) -> (f64, f64) {
     let top = values.iter().map(|v| v.mean + v.swing).fold(0.0, f64::max);
     let bottom = values.iter().map(|v| v.mean - v.swing);
     (top, bottom.fold(f64::INFINITY, f64::min))

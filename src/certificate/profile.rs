@@ -23,7 +23,7 @@ pub(super) fn profile(conditions: &Conditions, cells: &Cells) -> Vec<f64> {
     let prior = conditions.prior_psi[NORTH].max(conditions.prior_psi[EAST]);
     let end = cells.count as f64 * cells.length_s;
     let rate = (conditions.drift_psd / rho).sqrt();
-    let shape = Shape::new(conditions.drift_psd, rho, rate, rho / prior, end);
+    let shape = ClosedForm::new(conditions.drift_psd, rho, rate, rho / prior, end);
     let mut values: Vec<f64> = (0..cells.count)
         .map(|j| shape.at((j as f64 + 0.5) * cells.length_s))
         .collect();
@@ -35,7 +35,7 @@ pub(super) fn profile(conditions: &Conditions, cells: &Cells) -> Vec<f64> {
 }
 
 /// 𝓖 1 in closed form.
-enum Shape {
+enum ClosedForm {
     /// (1 + a e^{−ω_c t} + b e^{−ω_c (T − t)})/q.
     Exponential {
         psd: f64,
@@ -48,7 +48,7 @@ enum Shape {
     Parabola { c0: f64, c1: f64, rho: f64 },
 }
 
-impl Shape {
+impl ClosedForm {
     fn new(psd: f64, rho: f64, rate: f64, start_length: f64, end: f64) -> Self {
         if rate * end < FEW_TIME_CONSTANTS {
             let c1 = 0.5 * end * end / (end + start_length);
@@ -124,7 +124,7 @@ mod tests {
             (0.0, 3.0),
         ] {
             let (rho, end) = (42.5, 2000.0);
-            let shape = Shape::new(psd, rho, (psd / rho).sqrt(), rho / prior, end);
+            let shape = ClosedForm::new(psd, rho, (psd / rho).sqrt(), rho / prior, end);
             let reference = dense(psd, rho, prior, end);
             let top = reference.iter().copied().fold(0.0, f64::max);
             for (i, value) in reference.iter().enumerate() {
@@ -142,8 +142,8 @@ mod tests {
         let (rho, end) = (42.5, 1000.0);
         let rate = 0.011 / end;
         let psd = rate * rate * rho;
-        let exact = Shape::new(psd, rho, rate, 1.0, end);
-        let limit = Shape::new(psd, rho, 0.0, 1.0, end);
+        let exact = ClosedForm::new(psd, rho, rate, 1.0, end);
+        let limit = ClosedForm::new(psd, rho, 0.0, 1.0, end);
         for t in [0.0, 300.0, 999.0] {
             assert!((exact.at(t) / limit.at(t) - 1.0).abs() < 1e-3);
         }

@@ -2,7 +2,9 @@
 
 use std::fmt;
 
+use super::minimum_time::MinimumTime;
 use crate::criterion::KnownBefore;
+use crate::error::Error;
 
 /// What a bound does not cover, or why it is weak. [`fmt::Display`] puts it into words, the same in
 /// every document, report and terminal.
@@ -23,14 +25,20 @@ pub enum Remark {
     IndexTable,
     /// At a pole the sum of the input-axis coefficients is never seen.
     Pole,
+    /// What is known of the shortest time, where that is no number.
+    Time(MinimumTime),
     /// The schedule found does not meet the specification either.
     SpecificationMissed,
+    /// The bound could not be worked out.
+    NoBound(Error),
 }
 
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::KnownBefore(known) => return known.fmt(f),
+            Self::Time(time) => return time.fmt(f),
+            Self::NoBound(e) => return write!(f, "no bound here, because {e}"),
             Self::PriorItself => {
                 "nothing is measured in so short a test: the bound is the prior itself"
             }

@@ -4,8 +4,8 @@ mod text;
 
 use crate::error::Result;
 
-use super::Exit;
 use super::args::AnalyzeArgs;
+use super::exit::Exit;
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 

@@ -28,12 +28,12 @@ Exit codes:
 pub(super) struct Cli {
     /// What to do.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: Invocation,
 }
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub(super) enum Command {
+pub(super) enum Invocation {
     /// Find and write the recommended schedule
     Search(SearchArgs),
     /// Score a given schedule
@@ -62,7 +62,7 @@ pub(super) enum Command {
     Man(ManArgs),
 }
 
-impl Command {
+impl Invocation {
     /// Whether messages are to be dropped.
     pub(super) const fn is_quiet(&self) -> bool {
         match self {

@@ -2,11 +2,11 @@
 
 use crate::config::Mode;
 use crate::error::Result;
-use crate::report::numbers;
 use crate::results::BoundDocument;
+use crate::wording;
 
-use super::Exit;
 use super::args::BoundArgs;
+use super::exit::Exit;
 use super::inputs;
 use super::output::Output;
 use super::report::wrap;
@@ -39,15 +39,15 @@ fn report(document: &BoundDocument) -> String {
         };
         text.push_str(&format!(
             "No schedule of {} s or less has a criterion {} below {}{unit}\n",
-            numbers::seconds(document.total_time_s),
+            wording::seconds(document.total_time_s),
             document.criterion,
-            numbers::number(document.lower_bound),
+            wording::number(document.lower_bound),
         ));
     }
     text.push_str(&format!(
         "No schedule of {} s or less has an RMS sigma below {} deg/h\n",
-        numbers::seconds(document.total_time_s),
-        numbers::number(document.rms_sigma_lower_bound_deg_per_h),
+        wording::seconds(document.total_time_s),
+        wording::number(document.rms_sigma_lower_bound_deg_per_h),
     ));
     if let Some(minimum) = &document.minimum_time {
         let mut letters = minimum.chars();

@@ -30,7 +30,7 @@ const MOST_EFFORT: u32 = 20;
 /// The document.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
+struct CheckpointDocument {
     schema: String,
     tool_version: String,
     /// The problem: another one does not take the same way.
@@ -91,7 +91,7 @@ impl Checkpoint {
 
     fn read(&self) -> Result<Journal> {
         let text = text::read_text(&self.path, MAX_BYTES)?;
-        let document: Document = serde_json::from_str(&text).map_err(|e| {
+        let document: CheckpointDocument = serde_json::from_str(&text).map_err(|e| {
             Error::input("not a checkpoint")
                 .with_file(&self.path)
                 .with_line(e.line().max(1))
@@ -115,7 +115,7 @@ impl Checkpoint {
 
     /// Writes the file, if anything is done.
     pub(super) fn save(&self) -> Result<()> {
-        let document = Document {
+        let document = CheckpointDocument {
             schema: SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
             inputs: self.inputs.clone(),

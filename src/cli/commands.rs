@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::suspicion;
 
-use super::Exit;
 use super::args::CommandsArgs;
+use super::exit::Exit;
 use super::files::write_file;
 use super::inputs;
 use super::output::Output;

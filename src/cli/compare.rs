@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use crate::compare::{Order, Proof};
+use crate::compare::{PositionOrder, Proof};
 use crate::error::Result;
-use crate::report::numbers;
 use crate::results::{ComparedRecord, ComparisonDocument};
 use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
 use crate::study::{ComparisonOptions, Contender};
+use crate::wording;
 
-use super::Exit;
 use super::args::CompareArgs;
+use super::exit::Exit;
 use super::output::Output;
 use super::table::{self, Align};
 use super::{inputs, page, report};
@@ -76,7 +76,7 @@ fn text(document: &ComparisonDocument) -> String {
         text.push_str(&match document.total_time_s {
             Some(s) => format!(
                 "Schedules in {} s, ratios to the first\n\n",
-                numbers::seconds(s)
+                wording::seconds(s)
             ),
             None => "Schedules as they are, ratios to the first\n\n".to_owned(),
         });
@@ -138,10 +138,10 @@ fn orders(document: &ComparisonDocument) -> String {
 fn label(name: &str, order: &str) -> String {
     let file = || Path::new(name).file_name().and_then(|f| f.to_str());
     let short = Contender::standard_name(name).or_else(file).unwrap_or(name);
-    match Order::from_name(order) {
-        Some(Order::Best) => format!("{short} *"),
-        Some(Order::BestFound) => format!("{short} +"),
-        Some(Order::AsGiven) | None => short.to_owned(),
+    match PositionOrder::from_name(order) {
+        Some(PositionOrder::Best) => format!("{short} *"),
+        Some(PositionOrder::BestFound) => format!("{short} +"),
+        Some(PositionOrder::AsGiven) | None => short.to_owned(),
     }
 }
 
@@ -172,19 +172,19 @@ fn overview(document: &ComparisonDocument) -> String {
         let mut row = vec![
             label(&s.name, &s.order),
             s.positions.to_string(),
-            numbers::seconds(s.overhead_s),
-            numbers::number(s.rms_sigma_deg_per_h),
+            wording::seconds(s.overhead_s),
+            wording::number(s.rms_sigma_deg_per_h),
             ratio(s.ratio),
         ];
         if with_criterion {
-            row.push(numbers::number(s.criterion));
+            row.push(wording::number(s.criterion));
             row.push(ratio(s.criterion_ratio));
         }
         row.push(format!("{:.4}", s.least_separability));
         if has_spec {
             row.push(
                 s.time_to_spec_s
-                    .map_or_else(|| "missed".to_owned(), numbers::seconds),
+                    .map_or_else(|| "missed".to_owned(), wording::seconds),
             );
         }
         row
@@ -211,7 +211,7 @@ fn coefficients(document: &ComparisonDocument) -> String {
         let row = |s: &ComparedRecord| {
             let mut row = vec![label(&s.name, &s.order)];
             let sigma = s.coefficients[shown.clone()].iter();
-            row.extend(sigma.map(|c| numbers::number(1e3 * c.sigma_deg_per_h)));
+            row.extend(sigma.map(|c| wording::number(1e3 * c.sigma_deg_per_h)));
             row
         };
         let rows = document.schedules.iter().map(row).collect();

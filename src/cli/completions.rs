@@ -4,8 +4,8 @@ use clap::CommandFactory;
 
 use crate::error::Result;
 
-use super::Exit;
 use super::args::{Cli, CompletionsArgs};
+use super::exit::Exit;
 use super::output::Output;
 
 /// Runs the command.

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 
-use super::Exit;
 use super::args::EvaluateArgs;
+use super::exit::Exit;
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 use super::{page, report};

@@ -145,7 +145,7 @@ pub(super) fn remove_on_signal(litter: Litter) {
     // Without a handler a signal ends the process too, only less tidily.
     let _ = ctrlc::set_handler(move || {
         litter.remove();
-        std::process::exit(i32::from(super::Exit::Interrupted.code()));
+        std::process::exit(i32::from(super::exit::Exit::Interrupted.code()));
     });
 }
 

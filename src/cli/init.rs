@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::config::DEFAULT_TOML;
 use crate::error::{Error, Result};
 
-use super::Exit;
 use super::args::InitArgs;
+use super::exit::Exit;
 use super::files::write_file;
 use super::output::Output;
 

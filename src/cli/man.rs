@@ -6,8 +6,8 @@ use clap::CommandFactory;
 
 use crate::error::{Error, Result};
 
-use super::Exit;
 use super::args::{Cli, ManArgs};
+use super::exit::Exit;
 use super::files::OutputFiles;
 use super::output::Output;
 

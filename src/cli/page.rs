@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::report::html;
 use crate::schedule::text;
 
-use super::Exit;
 use super::args::ReportArgs;
+use super::exit::Exit;
 use super::files::write_file;
 use super::output::Output;
 

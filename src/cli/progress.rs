@@ -17,10 +17,10 @@ const TEMPLATE: &str = "{prefix:<9} [{bar:20}] {pos}/{len}  {rate}  {msg}  ETA {
 /// Shows what a search is doing.
 pub(super) struct ProgressDisplay {
     bar: ProgressBar,
-    state: Mutex<State>,
+    state: Mutex<DisplayState>,
 }
 
-struct State {
+struct DisplayState {
     phase: Option<Phase>,
     done: u64,
     best: f64,
@@ -46,7 +46,7 @@ impl ProgressDisplay {
         }
         Self {
             bar,
-            state: Mutex::new(State {
+            state: Mutex::new(DisplayState {
                 phase: None,
                 done: 0,
                 best: f64::INFINITY,
@@ -73,7 +73,7 @@ impl ProgressDisplay {
             && criterion < state.best
         {
             state.best = criterion;
-            let best = crate::report::numbers::number(criterion);
+            let best = crate::wording::number(criterion);
             self.bar.set_message(format!("best {best}"));
         }
     }

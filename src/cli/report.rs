@@ -2,10 +2,10 @@
 
 use crate::motion::Timeline;
 use crate::platform::Platform;
-use crate::report::numbers::{number, seconds};
 use crate::report::words;
 use crate::results::{EvaluationDocument, PrecisionRecord, ResultDocument};
 use crate::search::Status;
+use crate::wording::{number, seconds};
 
 use super::screen::Screen;
 use super::table;
@@ -28,7 +28,7 @@ pub(super) fn search(
         text.push_str(&wrap(&words::within(certificate)));
     }
     // What stays unobservable has been said.
-    let is_said = document.unobservable.in_words().as_ref() == Some(&document.reason);
+    let is_said = document.unobservable.is_all_of(&document.reason);
     if document.status != Status::Converged.name() && !is_said {
         text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
     }

@@ -3,8 +3,8 @@
 use crate::error::Result;
 use crate::results::schema::DocumentKind;
 
-use super::Exit;
 use super::args::SchemaArgs;
+use super::exit::Exit;
 use super::output::Output;
 use super::table;
 

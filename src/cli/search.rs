@@ -13,9 +13,9 @@ use crate::motion::Timeline;
 use crate::search::{Control, Status};
 use crate::study::{SearchResult, Study};
 
-use super::Exit;
 use super::args::SearchArgs;
 use super::checkpoint::Checkpoint;
+use super::exit::Exit;
 use super::files::{Litter, OutputFiles};
 use super::output::Output;
 use super::progress::ProgressDisplay;

@@ -7,8 +7,8 @@ use crate::report::curves;
 use crate::simulate::{SimulationOptions, ToldNoise, Trajectory};
 use crate::study::SimulationRequest;
 
-use super::Exit;
 use super::args::SimulateArgs;
+use super::exit::Exit;
 use super::files::{OutputFiles, remove_on_signal};
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;

@@ -4,8 +4,8 @@ use crate::error::Result;
 use crate::results::SchemeListDocument;
 use crate::schedule::standard::StandardScheme;
 
-use super::Exit;
 use super::args::{Format, StandardArgs};
+use super::exit::Exit;
 use super::files::write_file;
 use super::output::Output;
 use super::{inputs, table};

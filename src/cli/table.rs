@@ -8,11 +8,11 @@ use super::screen::Screen;
 use crate::attitude::Position;
 use crate::motion::{Leg, Timeline, gimbal_change};
 use crate::platform::{Platform, Repositioning};
-use crate::report::numbers::{number, optional, seconds};
 use crate::results::schema::DocumentKind;
 use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
 use crate::units::Angle;
+use crate::wording::{number, optional, seconds};
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

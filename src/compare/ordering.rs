@@ -15,27 +15,21 @@
 //! claimed for it.
 
 mod found;
+mod orders;
+mod roads;
 mod tree;
 mod upper;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::Position;
 use crate::evaluate::Evaluator;
-use crate::motion::{Timeline, quickest_positions};
 use crate::platform::Repositioning;
-use crate::schedule::periods::whole_periods;
-use crate::schedule::{Schedule, ScheduledPosition};
+use crate::schedule::Schedule;
+use orders::{Orders, Rated, SAME};
 
 /// Most positions whose orders are gone through.
 pub const MOST_PROVEN: usize = 12;
-
-/// Merits this close count as equal: ln of the criterion.
-const SAME: f64 = 1e-9;
-
-/// Orders that one thread rates at a time.
-const AT_ONCE: usize = 16;
 
 /// What is known of an order that was looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -55,102 +49,11 @@ pub enum Proof {
 
 /// An order that was looked for.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
+pub(super) struct BestOrder {
     pub schedule: Schedule,
     pub proof: Proof,
     /// Steps made towards the proof.
     pub steps: u64,
-}
-
-/// The problem of the best order.
-#[derive(Debug)]
-struct Orders<'a> {
-    evaluator: &'a Evaluator,
-    positions: Vec<Position>,
-    /// Whether every order takes the triples that are quickest in it, not those of the positions.
-    quickest: bool,
-    total_time_s: f64,
-}
-
-/// An order with its merit, the score; lower is better.
-#[derive(Debug, Clone, PartialEq)]
-struct Rated {
-    merit: f64,
-    order: Vec<usize>,
-}
-
-impl Rated {
-    /// The better of two; of equal ones the first.
-    fn better(self, other: Self) -> Self {
-        match other.merit < self.merit - SAME {
-            true => other,
-            false => self,
-        }
-    }
-}
-
-impl Orders<'_> {
-    /// The order as it is driven; none when it does not fit into the time.
-    fn schedule(&self, order: &[usize]) -> Option<Schedule> {
-        let platform = self.evaluator.platform();
-        let visited: Vec<Position> = order.iter().map(|&k| self.positions[k]).collect();
-        let visited = match self.quickest {
-            true => quickest_positions(platform, &visited),
-            false => visited,
-        };
-        let held = |dwell_s: &[f64]| {
-            let held = visited.iter().zip(dwell_s);
-            held.map(|(p, &dwell_s)| ScheduledPosition::new(*p, dwell_s))
-                .collect::<Vec<_>>()
-        };
-        let no_time = vec![0.0; order.len()];
-        let moving = Timeline::unchecked(platform, held(&no_time).into_iter());
-        let budget_s = self.total_time_s - moving.overhead_s();
-        let dwell_s = vec![budget_s / order.len() as f64; order.len()];
-        let dwell_s = whole_periods(
-            platform.period_s(),
-            self.fewest_periods(),
-            &dwell_s,
-            budget_s,
-        )?;
-        // Angles of a standard scheme and dwells of whole periods make a valid schedule.
-        Schedule::new(held(&dwell_s)).ok()
-    }
-
-    /// Periods of the shortest dwell.
-    fn fewest_periods(&self) -> f64 {
-        let platform = self.evaluator.platform();
-        (platform.shortest_dwell_s() / platform.period_s()).round()
-    }
-
-    /// Those of the orders that can be driven, with their merits.
-    fn rated(&self, orders: &[Vec<usize>]) -> Vec<Rated> {
-        let rate = |some: &[Vec<usize>]| {
-            let platform = self.evaluator.platform();
-            let driven: Vec<_> = some
-                .iter()
-                .filter_map(|order| Some((order, self.schedule(order)?)))
-                .collect();
-            let timelines: Vec<Timeline> = driven
-                .iter()
-                .map(|(_, s)| Timeline::unchecked(platform, s.positions().iter().copied()))
-                .collect();
-            let merits = self.evaluator.merits_by_filter(&timelines);
-            let rated = merits.into_iter().zip(driven);
-            // An order whose merit cannot be computed is not a candidate; that none can is said.
-            rated
-                .filter_map(|(merit, (order, _))| {
-                    let merit = merit.ok().filter(|m| m.is_finite())?;
-                    // To eleven digits, so that equal ones are equal on every machine.
-                    Some(Rated {
-                        merit: (merit * 1e11).round() * 1e-11,
-                        order: order.clone(),
-                    })
-                })
-                .collect::<Vec<_>>()
-        };
-        orders.par_chunks(AT_ONCE).flat_map_iter(rate).collect()
-    }
 }
 
 /// The best order of `positions` by the evaluator's objective; none when no order fits into the
@@ -161,7 +64,7 @@ pub(super) fn best_order(
     total_time_s: f64,
     seed: u64,
     most_steps: u64,
-) -> Option<Found> {
+) -> Option<BestOrder> {
     let orders = |quickest: bool| Orders {
         evaluator,
         positions: positions.to_vec(),
@@ -191,7 +94,7 @@ pub(super) fn best_order(
     };
     let better = |other: &Rated| best.as_ref().is_none_or(|b| other.merit < b.merit - SAME);
     match other.filter(better) {
-        Some(other) => Some(Found {
+        Some(other) => Some(BestOrder {
             schedule: by_others.schedule(&other.order)?,
             proof: match proof {
                 Proof::Complete => Proof::OtherTriples,
@@ -199,7 +102,7 @@ pub(super) fn best_order(
             },
             steps,
         }),
-        None => Some(Found {
+        None => Some(BestOrder {
             schedule: given.schedule(&best?.order)?,
             proof,
             steps,

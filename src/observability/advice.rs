@@ -49,8 +49,8 @@ pub enum Advice {
 
 impl Advice {
     /// What the geometry of a schedule calls for; the trace's σ is filled in by
-    /// [`Analysis`](super::analysis::Analysis).
-    pub(super) fn of_geometry(
+    /// [`Analysis`](crate::analysis::Analysis).
+    pub(crate) fn of_geometry(
         model: &CovarianceModel,
         timeline: &Timeline,
         observability: &Observability,

@@ -58,11 +58,11 @@ impl Combination {
         }
     }
 
-    pub(super) const fn from_array(weights: [f64; UNKNOWNS]) -> Self {
+    pub(crate) const fn from_array(weights: [f64; UNKNOWNS]) -> Self {
         Self { weights }
     }
 
-    pub(super) const fn as_array(&self) -> &[f64; UNKNOWNS] {
+    pub(crate) const fn as_array(&self) -> &[f64; UNKNOWNS] {
         &self.weights
     }
 

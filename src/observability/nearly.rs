@@ -34,7 +34,7 @@ const WRITTEN: usize = 3;
 
 /// What is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Told {
+pub enum ToldQuantity {
     /// A coefficient, at its own order.
     Coefficient(DriftCoefficient),
     /// A combination none of whose coefficients is in the list itself.
@@ -45,7 +45,7 @@ pub enum Told {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearly {
     /// What is told.
-    pub told: Told,
+    pub told: ToldQuantity,
     /// By the channels of this order and below.
     pub order: Order,
     /// What one unit of the coefficient would be taken for but for the tilt, by the others; zero
@@ -84,8 +84,8 @@ impl Nearly {
             for combination in view.hardly_seen() {
                 let named = combination.rounded(NAMED);
                 let said = |n: &Self| match n.told {
-                    Told::Coefficient(c) => named.coefficients()[c.index()] != 0.0,
-                    Told::Combination(other) => other.rounded(NAMED) == named,
+                    ToldQuantity::Coefficient(c) => named.coefficients()[c.index()] != 0.0,
+                    ToldQuantity::Combination(other) => other.rounded(NAMED) == named,
                 };
                 if !found.iter().any(said) {
                     found.extend(view.combination(combination));
@@ -103,8 +103,8 @@ impl Nearly {
     /// The name of what is told.
     pub fn name(&self) -> String {
         match self.told {
-            Told::Coefficient(c) => c.name().to_owned(),
-            Told::Combination(c) => c.to_string(),
+            ToldQuantity::Coefficient(c) => c.name().to_owned(),
+            ToldQuantity::Combination(c) => c.to_string(),
         }
     }
 
@@ -206,7 +206,7 @@ impl<'a> View<'a> {
         });
         let azimuth = -changes[COEFFICIENTS] / variance;
         Some(Nearly {
-            told: Told::Coefficient(c),
+            told: ToldQuantity::Coefficient(c),
             order: self.order,
             taken_for: Combination::from_weights(&others, azimuth),
             tilt_rad,
@@ -220,7 +220,7 @@ impl<'a> View<'a> {
 
     fn combination(&self, combination: Combination) -> Option<Nearly> {
         Some(Nearly {
-            told: Told::Combination(combination.rounded(NAMED)),
+            told: ToldQuantity::Combination(combination.rounded(NAMED)),
             order: self.order,
             taken_for: Combination::of(&[]),
             tilt_rad: self.small_tilt(&combination)?,
@@ -235,7 +235,7 @@ mod tests {
 
     fn words(from: &[(D, f64)], tilt_deg: f64) -> String {
         let nearly = Nearly {
-            told: Told::Coefficient(D::FX),
+            told: ToldQuantity::Coefficient(D::FX),
             order: Order::First,
             taken_for: Combination::of(from),
             tilt_rad: Angle::from_deg(tilt_deg).rad(),

@@ -6,7 +6,7 @@
 //! part of ψ_y comes out in ψ_x and ψ_z, which Z shows by itself: the [`Channel::Azimuth`], of
 //! order 0, which the slewing platform does not have.
 
-use super::Order;
+use super::order::Order;
 use super::row_space::counts;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
@@ -94,7 +94,7 @@ pub(crate) enum RowSource {
 
 /// The rows of one position, or of one moment of a measured move.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Block {
+pub(crate) struct RowBlock {
     pub leg: usize,
     pub source: RowSource,
     pub a: DriftMatrix,
@@ -137,7 +137,7 @@ pub(crate) struct TaggedRow {
     pub channel: Channel,
     /// 1/σ, (°/h)⁻¹.
     pub weight: f64,
-    /// Its length in the geometry, see [`Block::share`].
+    /// Its length in the geometry, see [`RowBlock::share`].
     pub share: f64,
     /// The unweighted row.
     pub row: [f64; UNKNOWNS],
@@ -145,7 +145,7 @@ pub(crate) struct TaggedRow {
 
 /// All rows of a schedule.
 pub(crate) struct Regressor {
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<RowBlock>,
     /// Changes of position in frame-hold repositioning.
     pub changes: Vec<Change>,
     /// Whether ω_N ψ_y(0) is an unknown: not at the poles.
@@ -169,7 +169,7 @@ impl Regressor {
                 let share = (moments.max(1) as f64).sqrt().recip();
                 for moment in 0..moments {
                     let fraction = (moment as f64 + 0.5) / moments as f64;
-                    blocks.push(Block {
+                    blocks.push(RowBlock {
                         leg,
                         source: RowSource::Move { fraction },
                         a: m.drift_matrix_at(fraction),
@@ -181,7 +181,7 @@ impl Regressor {
                 }
             }
             let (weights, weight_rates) = channel_weights(model, l.dwell_s);
-            blocks.push(Block {
+            blocks.push(RowBlock {
                 leg,
                 source: RowSource::Dwell,
                 a: drift_matrix(&l.attitude),
@@ -237,7 +237,7 @@ impl Regressor {
     }
 
     /// The row of a channel in a block, weighted by one.
-    pub fn row(&self, block: &Block, channel: Channel) -> [f64; UNKNOWNS] {
+    pub fn row(&self, block: &RowBlock, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
         std::array::from_fn(|j| match j {
             COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => {

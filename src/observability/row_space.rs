@@ -1,8 +1,8 @@
 //! What counts as rank, in one place; and the space spanned by some rows.
 //!
 //! Orders, strict orders, separability, ranks, the condition number, the names of what is
-//! unobservable or weak, the reconstructions and the levelling problem all ask the same question:
-//! is there anything in this direction, or nothing but rounding? All of them ask [`counts`].
+//! unobservable or weak, and the reconstructions all ask the same question: is there anything in
+//! this direction, or nothing but rounding? All of them ask [`counts`].
 
 use super::singular::Singular;
 use nalgebra::{DMatrix, DVector};

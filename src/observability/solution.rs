@@ -30,7 +30,7 @@ const PROOF: f64 = 2.0 * RANK_TOLERANCE;
 
 /// When a row was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Moment {
+pub enum SeenDuring {
     /// While the position was held.
     Dwell,
     /// On the way to the position, measuring, this fraction into the move.
@@ -46,7 +46,7 @@ pub struct Term {
     /// Index of the position.
     pub position: usize,
     /// When.
-    pub moment: Moment,
+    pub moment: SeenDuring,
     /// The channel.
     pub channel: Channel,
     /// Its weight, dimensionless.
@@ -56,8 +56,9 @@ pub struct Term {
 /// Which rows a solution weighs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", schemars(rename = "Rows"))]
 #[serde(rename_all = "kebab-case")]
-pub enum Rows {
+pub enum RowsUsed {
     /// As few as were found to do.
     Few,
     /// All there are, since no few do.
@@ -94,7 +95,7 @@ pub struct Solution {
     /// The terms, by position.
     pub terms: Vec<Term>,
     /// Whether these are few of the rows or all.
-    pub rows: Rows,
+    pub rows: RowsUsed,
     /// Largest difference between the weighted sum of the rows and the combination.
     pub residual: f64,
     /// 1σ of the combination by these terms alone, each dwell on its own, °/h. The filter, which
@@ -160,7 +161,7 @@ impl Claim {
         let target = DVector::from_row_slice(self.combination.as_array());
         let columns = DMatrix::from_fn(UNKNOWNS, chosen.len(), |i, k| chosen[k].row[i]);
         let weights = least_squares(&columns, &target)?;
-        self.proven(&chosen, weights.as_slice(), Rows::Few)
+        self.proven(&chosen, weights.as_slice(), RowsUsed::Few)
     }
 
     /// By all rows, those of a large `size` before those of a small one.
@@ -185,7 +186,7 @@ impl Claim {
                 *weight += more * size(row);
             }
         }
-        self.proven(&rows, &weights, Rows::All)
+        self.proven(&rows, &weights, RowsUsed::All)
     }
 
     /// The combination without Σ w_k row_k.
@@ -200,7 +201,7 @@ impl Claim {
     }
 
     /// The solution by these weights, if they are one.
-    fn proven(&self, rows: &[&TaggedRow], weights: &[f64], kind: Rows) -> Option<Solution> {
+    fn proven(&self, rows: &[&TaggedRow], weights: &[f64], kind: RowsUsed) -> Option<Solution> {
         let largest = |values: &[f64]| values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         // Rounding is no term; what is left out counts as error.
         let smallest = 1e-9 * largest(weights).min(1.0);
@@ -223,8 +224,8 @@ impl Claim {
             .map(|(row, &weight)| Term {
                 position: row.leg,
                 moment: match row.source {
-                    RowSource::Dwell => Moment::Dwell,
-                    RowSource::Move { fraction } => Moment::Move { fraction },
+                    RowSource::Dwell => SeenDuring::Dwell,
+                    RowSource::Move { fraction } => SeenDuring::Move { fraction },
                 },
                 channel: row.channel,
                 weight,

@@ -25,7 +25,7 @@ struct Point {
 }
 
 /// One state through a run.
-struct State {
+struct StateCurve {
     name: String,
     /// Unit of its value, and of its error; how many of the latter are one of the former.
     units: [&'static str; 2],
@@ -50,7 +50,7 @@ pub fn errors(trajectory: &Trajectory) -> Figure {
         .fold(figure, |figure, s| figure.with_panel(error_panel(s)))
 }
 
-fn all_states(trajectory: &Trajectory) -> Vec<State> {
+fn all_states(trajectory: &Trajectory) -> Vec<StateCurve> {
     let samples = &trajectory.samples;
     let every = samples.len().div_ceil(SAMPLES).max(1);
     let last = samples.len().saturating_sub(1);
@@ -63,7 +63,7 @@ fn all_states(trajectory: &Trajectory) -> Vec<State> {
     let angles = ["ψ North", "ψ Up", "ψ East"].into_iter().enumerate();
     let angles = angles.map(|(i, name)| {
         let deg = |arcsec: f64| Angle::from_arcsec(arcsec).deg();
-        State {
+        StateCurve {
             name: name.to_owned(),
             units: ["°", "arcsec"],
             error_scale: 3600.0,
@@ -78,7 +78,7 @@ fn all_states(trajectory: &Trajectory) -> Vec<State> {
         }
     });
     let truth: &CoefficientVector = &trajectory.drift_deg_per_h;
-    let drifts = (0..COEFFICIENTS).map(|i| State {
+    let drifts = (0..COEFFICIENTS).map(|i| StateCurve {
         name: DriftCoefficient::ALL[i].name().to_owned(),
         units: ["°/h", "°/h"],
         error_scale: 1.0,
@@ -108,7 +108,7 @@ fn points(samples: &[&Sample], values: impl Fn(&Sample) -> [f64; 4]) -> Vec<Poin
     samples.iter().map(point).collect()
 }
 
-fn state_panel(state: &State) -> Panel {
+fn state_panel(state: &StateCurve) -> Panel {
     let line = |value: &dyn Fn(&Point) -> f64| -> Vec<[f64; 2]> {
         state.points.iter().map(|p| [p.time_s, value(p)]).collect()
     };
@@ -141,7 +141,7 @@ fn state_panel(state: &State) -> Panel {
 }
 
 /// When the run ended, s.
-fn end_s(state: &State) -> f64 {
+fn end_s(state: &StateCurve) -> f64 {
     state.points.last().map_or(0.0, |p| p.time_s)
 }
 
@@ -159,7 +159,7 @@ fn state_range(points: &[Point]) -> [f64; 2] {
     [low - space, high + space]
 }
 
-fn error_panel(state: &State) -> Panel {
+fn error_panel(state: &StateCurve) -> Panel {
     let scale = state.error_scale;
     let error = |p: &Point| scale * p.error;
     let limit = |p: &Point| 3.0 * scale * p.sigma;

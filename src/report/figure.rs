@@ -374,11 +374,6 @@ impl Figure {
         self.id = id.into();
         self
     }
-
-    /// The figure as an SVG document.
-    pub fn to_svg(&self) -> String {
-        draw::figure(self)
-    }
 }
 
 #[cfg(test)]

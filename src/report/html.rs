@@ -31,6 +31,7 @@ mod maps;
 mod pictures;
 mod subject;
 mod tables;
+mod verdict;
 
 use askama::Template;
 
@@ -38,16 +39,17 @@ use crate::baseline::baselines;
 use crate::certificate::Certifier;
 use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
-use crate::report::numbers::{listed, number, seconds};
 use crate::report::words;
 use crate::results::{
-    AnalysisDocument, BaselineRecord, COMPARISON_SCHEMA, CertificateRecord, ComparedRecord,
-    ComparisonDocument, EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument,
-    SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION, WarningRecord,
+    AnalysisDocument, COMPARISON_SCHEMA, CertificateRecord, ComparisonDocument, EVALUATION_SCHEMA,
+    EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA, SimulationDocument,
+    TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
+use crate::wording::seconds;
 use blocks::{Block, Page, Section};
 use subject::Subject;
+use verdict::{OnSpecification, accuracy_words, gain, search_words, side_by_side, weakness};
 
 /// The page of a search.
 ///
@@ -231,7 +233,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let names: Vec<&str> = document
         .schedules
         .iter()
-        .filter(|s| s.order == crate::compare::Order::AsGiven.name())
+        .filter(|s| s.order == crate::compare::PositionOrder::AsGiven.name())
         .map(|s| s.name.as_str())
         .collect();
     let mut command = format!(
@@ -341,94 +343,6 @@ fn list(sentences: Vec<String>) -> Option<Block> {
     (!sentences.is_empty()).then_some(Block::List(sentences))
 }
 
-/// How a page speaks of the specification.
-type OnSpecification = fn(&EvaluationDocument) -> Option<String>;
-
-/// How accurate, how long, and whether that is enough.
-fn accuracy_words(subject: &Subject, on_specification: OnSpecification) -> Vec<String> {
-    let d = &subject.document;
-    let positions = d.schedule.positions.len();
-    let largest = d
-        .coefficients
-        .iter()
-        .max_by(|a, b| a.sigma_deg_per_h.total_cmp(&b.sigma_deg_per_h));
-    let largest = largest.map_or_else(String::new, |c| {
-        format!(
-            "; at worst {} for {}",
-            number(c.sigma_deg_per_h),
-            c.name.name()
-        )
-    });
-    let mut words = vec![format!(
-        "Accuracy {} °/h (RMS of the twelve 1σ{largest}) after {} s with {positions} position{}, \
-         of which {} s moving and settling.",
-        number(d.rms_sigma_deg_per_h),
-        seconds(d.total_time_s),
-        if positions == 1 { "" } else { "s" },
-        seconds(d.overhead_s),
-    )];
-    if d.score.criterion_name != "a" {
-        words.push(format!(
-            "Criterion {}: {} {}.",
-            d.score.criterion_name,
-            number(d.score.criterion),
-            d.score.criterion_unit
-        ));
-    }
-    words.extend(on_specification(d));
-    words
-}
-
-/// What the standard schemes make of the same time.
-fn gain(baselines: &[BaselineRecord]) -> Option<String> {
-    let best = baselines
-        .iter()
-        .min_by(|a, b| a.criterion.total_cmp(&b.criterion))?;
-    let compared = words::compared(best.criterion_ratio);
-    let name = &best.name;
-    Some(format!(
-        "In the same time {compared} the best standard scheme, {name}."
-    ))
-}
-
-/// Which coefficients are weak, and why.
-fn weakness(subject: &Subject) -> Vec<String> {
-    /// A coefficient is called weak when its σ is so many times the median.
-    const WEAK: f64 = 1.5;
-    let d = &subject.document;
-    let mut sigmas: Vec<f64> = d.coefficients.iter().map(|c| c.sigma_deg_per_h).collect();
-    sigmas.sort_by(f64::total_cmp);
-    let median = sigmas[sigmas.len() / 2];
-    let weak: Vec<&str> = d
-        .coefficients
-        .iter()
-        .filter(|c| c.sigma_deg_per_h > WEAK * median)
-        .map(|c| c.name.name())
-        .collect();
-    let mut words = Vec::new();
-    if !d.observability.unobservable.is_empty() {
-        words.push(words::observability(d));
-    }
-    match weak.is_empty() {
-        true => words.push("No coefficient is much weaker than the others.".to_owned()),
-        false => words.push(format!(
-            "Weak: {}, with more than {WEAK} times the σ of the median coefficient.",
-            listed(&weak)
-        )),
-    }
-    words.extend(subject.analysis.advice.iter().cloned());
-    words
-}
-
-/// How the search went.
-fn search_words(document: &ResultDocument) -> String {
-    let c = &document.counters;
-    format!(
-        "Search {}: {} ({} starts, {} values, {} gradients, seed {}).",
-        document.status, document.reason, c.starts, c.evaluations, c.gradients, document.seed
-    )
-}
-
 /// Bound and baselines of a schedule that no search has put beside them.
 fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String>, Vec<Block>) {
     let total_time_s = subject.document.total_time_s;
@@ -455,27 +369,6 @@ fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String
         .map(|s| format!("{}: not run, {}", s.name, s.reason));
     blocks.extend(list(skipped.collect()));
     (verdict, blocks)
-}
-
-/// Who is best, and by how much.
-fn side_by_side(document: &ComparisonDocument, best: &ComparedRecord, name: &str) -> String {
-    let time = match document.total_time_s {
-        Some(s) => format!("in {} s each", seconds(s)),
-        None => "each in its own time".to_owned(),
-    };
-    let second = document
-        .schedules
-        .iter()
-        .filter(|s| !std::ptr::eq(*s, best))
-        .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
-    let second = second.map_or_else(String::new, |s| {
-        let ratio = words::compared(Some(s.criterion / best.criterion));
-        format!(", {ratio} the next, {}", tables::name(&s.name, &s.order))
-    });
-    format!(
-        "Best of {} schedules, {time}: {name}{second}. What follows is about it.",
-        document.schedules.len()
-    )
 }
 
 /// Schedule, accuracy, observability, correlations: the same for every document.

@@ -5,7 +5,7 @@ use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument, Simu
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
-use super::numbers::{number, seconds, separability};
+use crate::wording::{number, seconds, separability};
 
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
@@ -37,7 +37,7 @@ fn unobservable(document: &ResultDocument) -> Option<String> {
                 format!("{} ({sigma})", c.name.name())
             })
             .collect();
-        super::numbers::listed(&named)
+        crate::wording::listed(&named)
     };
     let mut words = Vec::new();
     if !found.on_this_stand.is_empty() {
@@ -273,7 +273,7 @@ pub fn specification(document: &EvaluationDocument) -> Option<String> {
                 .collect();
             Some(format!(
                 "The specification is not met: {}.",
-                super::numbers::listed(&missed)
+                crate::wording::listed(&missed)
             ))
         }
     }

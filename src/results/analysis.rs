@@ -4,20 +4,21 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use crate::analysis::suggest::{NoSuggestion, Standing, Suggestion};
+use crate::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::Evaluation;
-use crate::observability::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::observability::classical::PiecewiseConstant;
-use crate::observability::nearly::{Nearly, Told};
-use crate::observability::solution::{Moment, NoSolution, Rows, Solution, Term};
-use crate::observability::suggest::{NoSuggestion, Standing, Suggestion};
+use crate::observability::nearly::{Nearly, ToldQuantity};
+use crate::observability::solution::{NoSolution, RowsUsed, SeenDuring, Solution, Term};
 use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
 use crate::schedule::Schedule;
 use crate::schedule::file::{PositionRecord, ScheduleDocument};
+use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`AnalysisDocument`].
 pub const ANALYSIS_SCHEMA: &str = "scheme-opt/analysis/1";
@@ -128,7 +129,7 @@ pub struct ReconstructionRecord {
     /// Whether these are few of the rows that there are or all of them; absent in documents of
     /// earlier versions: few.
     #[serde(default = "few")]
-    pub rows: Rows,
+    pub rows: RowsUsed,
     /// 1σ by these terms alone, °/h.
     pub sigma_deg_per_h: f64,
     /// Largest difference between the weighted sum of the rows and the coefficient.
@@ -353,7 +354,7 @@ impl AnalysisDocument {
                 rank_x: o.rank_x,
                 azimuth_order: analysis.azimuth_order,
                 condition_number: finite(o.condition_number),
-                unobservable: o.unobservable.clone(),
+                unobservable: o.unobservable.iter().map(ToString::to_string).collect(),
             },
             nearly: analysis.nearly.iter().map(Into::into).collect(),
             correlations: Correlations {
@@ -425,8 +426,8 @@ impl From<&Nearly> for NearlyRecord {
         Self {
             name: n.name(),
             coefficient: match n.told {
-                Told::Coefficient(c) => Some(c),
-                Told::Combination(_) => None,
+                ToldQuantity::Coefficient(c) => Some(c),
+                ToldQuantity::Combination(_) => None,
             },
             from: n.from().into_iter().map(str::to_owned).collect(),
             order: n.order,
@@ -436,8 +437,8 @@ impl From<&Nearly> for NearlyRecord {
     }
 }
 
-const fn few() -> Rows {
-    Rows::Few
+const fn few() -> RowsUsed {
+    RowsUsed::Few
 }
 
 impl From<&Solution> for ReconstructionRecord {
@@ -458,8 +459,8 @@ impl From<&Term> for TermRecord {
         Self {
             position: t.position + 1,
             move_fraction: match t.moment {
-                Moment::Dwell => None,
-                Moment::Move { fraction } => Some(fraction),
+                SeenDuring::Dwell => None,
+                SeenDuring::Move { fraction } => Some(fraction),
             },
             channel: t.channel,
             weight: t.weight,

@@ -5,13 +5,15 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Inputs, TOOL_VERSION, WarningRecord, criterion_unit, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::evaluation::criterion_unit;
 use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime, Remark};
 use crate::config::{Mode, StudyConfig};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
+use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`BoundDocument`].
 pub const BOUND_SCHEMA: &str = "scheme-opt/bound/1";
@@ -199,9 +201,9 @@ impl CertificateRecord {
         let (lower_bound, remarks) = match &found {
             Ok(bound) => (
                 useful(bound),
-                in_words(&certifier.remarks(&objective.criterion, bound)),
+                certifier.remarks(&objective.criterion, bound),
             ),
-            Err(e) => (None, vec![format!("no bound here, because {e}")]),
+            Err(e) => (None, vec![Remark::NoBound(e.clone())]),
         };
         Self {
             criterion: objective.criterion.name().to_owned(),
@@ -210,7 +212,7 @@ impl CertificateRecord {
             achieved,
             gap_percent: gap_percent(achieved, lower_bound),
             total_time_s: Some(total_time_s),
-            remarks,
+            remarks: in_words(&remarks),
         }
     }
 
@@ -222,11 +224,11 @@ impl CertificateRecord {
     ) -> Self {
         let (lower_bound, mut remarks) = match certifier.minimum_time(spec, achieved_s) {
             Ok(MinimumTime::MoreThan(s)) => (Some(s), Vec::new()),
-            Ok(other) => (seconds(other), vec![other.to_string()]),
-            Err(e) => (None, vec![format!("no bound here, because {e}")]),
+            Ok(other) => (seconds(other), vec![Remark::Time(other)]),
+            Err(e) => (None, vec![Remark::NoBound(e)]),
         };
         if !meets {
-            remarks.push(Remark::SpecificationMissed.to_string());
+            remarks.push(Remark::SpecificationMissed);
         }
         Self {
             criterion: "total-time".to_owned(),
@@ -235,7 +237,7 @@ impl CertificateRecord {
             achieved: achieved_s,
             gap_percent: gap_percent(achieved_s, lower_bound).filter(|_| meets),
             total_time_s: None,
-            remarks,
+            remarks: in_words(&remarks),
         }
     }
 }

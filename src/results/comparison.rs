@@ -2,17 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Inputs, ScheduleDocument, TOOL_VERSION, WarningRecord, criterion_unit, finite, to_json,
-    warnings,
-};
-use crate::compare::{Compared, Proof, Terms};
+use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::evaluation::criterion_unit;
+use crate::compare::{ComparedSchedule, Proof, Terms};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
-use crate::suspicion;
+use crate::schedule::file::ScheduleDocument;
+use crate::suspicion::{self, WarningRecord};
 
 /// Name and major version of the [`ComparisonDocument`].
 pub const COMPARISON_SCHEMA: &str = "scheme-opt/comparison/1";
@@ -130,7 +129,7 @@ pub struct SkippedContender {
 impl ComparisonDocument {
     /// The document of what was `compared` on these `terms`.
     pub fn new(
-        compared: &[Compared],
+        compared: &[ComparedSchedule],
         terms: &Terms,
         objective: &Objective,
         inputs: &Inputs,
@@ -194,7 +193,7 @@ impl ComparisonDocument {
 }
 
 fn record(
-    compared: &Compared,
+    compared: &ComparedSchedule,
     schedule: &Schedule,
     evaluation: &Evaluation,
     first: &Evaluation,

@@ -10,10 +10,14 @@
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 
-use super::{
-    AnalysisDocument, BoundDocument, ComparisonDocument, EvaluationDocument, ResultDocument,
-    SchemeListDocument, SimulationDocument, TOOL_VERSION, to_json,
-};
+use super::analysis::AnalysisDocument;
+use super::bound::BoundDocument;
+use super::common::{TOOL_VERSION, to_json};
+use super::comparison::ComparisonDocument;
+use super::evaluation::EvaluationDocument;
+use super::result::ResultDocument;
+use super::schemes::SchemeListDocument;
+use super::simulation::SimulationDocument;
 use crate::commands::CommandDocument;
 use crate::config::StudyConfig;
 use crate::error::{Error, Result};

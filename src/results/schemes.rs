@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{TOOL_VERSION, to_json};
+use super::common::{TOOL_VERSION, to_json};
 use crate::error::Result;
 use crate::schedule::standard::StandardScheme;
 

@@ -5,13 +5,17 @@ use serde::{Deserialize, Serialize};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::error::Result;
+use crate::evaluate::MISALIGNMENT_NAMES;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::simulate::consistency::{Consistency, Verdict};
+use crate::simulate::divergence::Divergence;
 use crate::simulate::judgement::Judgement;
+use crate::simulate::specification::SpecificationCheck;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
+use crate::suspicion::WarningRecord;
 
-use super::{Inputs, MISALIGNMENT_NAMES, TOOL_VERSION, WarningRecord, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
@@ -44,7 +48,7 @@ pub struct SimulationDocument {
     /// The verdict with its numbers and in sentences; absent in documents of versions that did
     /// not look for runs that diverged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub judgement: Option<Judgement>,
+    pub judgement: Option<JudgementRecord>,
     /// √(mean over the coefficients of the squared RMS errors), °/h.
     pub rms_error_deg_per_h: f64,
     /// √(mean over the coefficients of the filter's variances), °/h.
@@ -81,6 +85,37 @@ pub struct SimulationDocument {
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<WarningRecord>,
+}
+
+/// What a simulation says of a test and its filter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", schemars(rename = "Judgement"))]
+#[non_exhaustive]
+pub struct JudgementRecord {
+    /// What is to be thought of the filter.
+    pub verdict: Verdict,
+    /// The runs that diverged.
+    pub divergence: Divergence,
+    /// The errors against the specification; null: none is given.
+    pub specification: Option<SpecificationCheck>,
+    /// Whether nothing is left to doubt: the filter is consistent, no run diverged, and the
+    /// specification, if there is one, is shown to be met. What `simulate --check` asks.
+    pub passed: bool,
+    /// The same in sentences, with units in plain letters.
+    pub sentences: Vec<String>,
+}
+
+impl From<Judgement> for JudgementRecord {
+    fn from(judgement: Judgement) -> Self {
+        Self {
+            verdict: judgement.verdict,
+            sentences: judgement.findings.iter().map(ToString::to_string).collect(),
+            divergence: judgement.divergence,
+            specification: judgement.specification,
+            passed: judgement.passed,
+        }
+    }
 }
 
 /// Errors of one drift coefficient at the end. g-sensitive coefficients: per g.
@@ -208,7 +243,7 @@ impl SimulationDocument {
             told_accelerometer_factor: options.told.accelerometer_factor,
             told_random_drift_factor: options.told.random_drift_factor,
             verdict: judgement.verdict,
-            judgement: Some(judgement),
+            judgement: Some(judgement.into()),
             rms_error_deg_per_h: found.rms_error_deg_per_h(),
             rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
             rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),

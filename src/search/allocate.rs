@@ -18,7 +18,7 @@ use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::plan::Plan;
 use super::rated::Refined;
 use crate::covariance::chain::{InformationSink, NoRecord};
@@ -112,7 +112,7 @@ impl LocalModel {
         evaluator: &Evaluator,
         plan: &Plan,
         smoothing: Smoothing,
-        work: &Work,
+        work: &WorkDone,
     ) -> Option<Self> {
         let model = evaluator.model();
         let platform = evaluator.platform();

@@ -10,7 +10,7 @@
 //! The library keeps no files: where a journal comes from and where it goes is its owner's
 //! business.
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 pub use super::journal::{Finished, FinishedPlan, Journal};
 use super::plan::Plan;
 use super::rated::{Candidate, Refined};
@@ -100,7 +100,7 @@ impl Context<'_> {
         if let Some(known) = self.recalled(&name) {
             return known;
         }
-        let own = Work::default();
+        let own = WorkDone::default();
         let result = work(Context { work: &own, ..self });
         self.put_down(name, result.as_ref(), &own);
         result
@@ -120,7 +120,7 @@ impl Context<'_> {
 
     /// Hands a piece of work that was done apart, with counters of its `own`, to the journal, and
     /// adds the counters.
-    pub(super) fn put_down<T: Memorable>(self, name: String, result: Option<&T>, own: &Work) {
+    pub(super) fn put_down<T: Memorable>(self, name: String, result: Option<&T>, own: &WorkDone) {
         let plan = result.map(T::to_finished);
         if own.was_cut_short() {
             self.work.cut_short();

@@ -16,7 +16,7 @@ pub(crate) struct Context<'a> {
     pub evaluator: &'a Evaluator,
     pub problem: &'a SearchProblem,
     pub control: &'a Control,
-    pub work: &'a Work,
+    pub work: &'a WorkDone,
 }
 
 impl Context<'_> {
@@ -40,7 +40,7 @@ impl Context<'_> {
 
 /// Work counters shared between threads, and whether any work was left undone.
 #[derive(Debug, Default)]
-pub(crate) struct Work {
+pub(crate) struct WorkDone {
     evaluations: AtomicU64,
     gradients: AtomicU64,
     starts: AtomicU64,
@@ -51,7 +51,7 @@ pub(crate) struct Work {
     cut_short: AtomicBool,
 }
 
-impl Work {
+impl WorkDone {
     pub fn count_evaluations(&self, n: u64) {
         self.evaluations.fetch_add(n, Ordering::Relaxed);
     }

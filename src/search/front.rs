@@ -8,17 +8,18 @@
 
 use rayon::prelude::*;
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
 use super::pipeline::{best_candidate, finish};
 use super::problem::{FrontPoint, SearchOutcome, SearchProblem, Status};
 use super::progress::{Control, Phase};
 use super::rated::Candidate;
+use super::reason::Reason;
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, what_depends_on_the_schedule};
+use crate::analysis::Unobservable;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
-use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// The shortest test of the front, as a share of the longest.
@@ -36,13 +37,13 @@ pub fn front(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(mut known) = nothing_to_find(evaluator, problem, control, &work)? {
         known.front = feasible_points(evaluator, vec![known.schedule.clone()])?;
         return Ok(known);
     }
     let searched = what_depends_on_the_schedule(evaluator);
-    let sweep = Sweep {
+    let sweep = FrontSweep {
         evaluator: searched.as_ref().unwrap_or(evaluator),
         control,
         work: &work,
@@ -60,9 +61,7 @@ pub fn front(
         Some(last) => {
             // A front has no specification to meet; its points say what can be met when.
             if outcome.status == Status::Infeasible {
-                outcome.status = Status::Converged;
-                "every point of the front was worked out and confirmed by the step-by-step filter"
-                    .clone_into(&mut outcome.reason);
+                (outcome.status, outcome.reason) = (Status::Converged, Reason::FrontFinished);
             }
             outcome.schedule = last.schedule.clone();
             outcome.evaluation = match searched {
@@ -71,10 +70,9 @@ pub fn front(
             };
             outcome.unobservable =
                 Unobservable::of(evaluator, &outcome.schedule, &outcome.evaluation)?;
-            if let Some(words) = outcome.unobservable.in_words()
-                && outcome.status == Status::Converged
-            {
-                (outcome.status, outcome.reason) = (Status::Infeasible, words);
+            if outcome.status == Status::Converged && !outcome.unobservable.is_acceptable() {
+                outcome.status = Status::Infeasible;
+                outcome.reason = Reason::Unobservable(outcome.unobservable.clone());
             }
         }
         // The reason of the verdict stands: nothing meets the minimum separability.
@@ -132,14 +130,14 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
         .collect()
 }
 
-struct Sweep<'a> {
+struct FrontSweep<'a> {
     evaluator: &'a Evaluator,
     control: &'a Control,
-    work: &'a Work,
+    work: &'a WorkDone,
     problems: Vec<SearchProblem>,
 }
 
-impl Sweep<'_> {
+impl FrontSweep<'_> {
     fn context<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
         Context {
             evaluator: self.evaluator,

@@ -3,7 +3,7 @@
 //! A refined plan is the best of its basin. What lies beyond is proposed in batches, each
 //! proposal refined for a while, and the best taken if it is better than the plan:
 //!
-//! - **order** ([`super::order`]): the reversals and displacements of segments that the true
+//! - **order** ([`super::reordering`]): the reversals and displacements of segments that the true
 //!   evaluator likes best, slew time and information together;
 //! - **insertion** ([`super::insert`]): positions where the exact directional derivative over the
 //!   attitude set promises most; at the most positions allowed, in exchange for the one that
@@ -20,10 +20,10 @@ use rayon::prelude::*;
 
 use super::context::Context;
 use super::insert::insertions;
-use super::order::{moved, neighbours, reversed, with_quickest_positions};
 use super::plan::Plan;
 use super::propose::random_position;
 use super::rated::{Refined, rate};
+use super::reordering::{moved, neighbours, reversed, with_quickest_positions};
 use super::workshop::Workshop;
 use crate::criterion::Smoothing;
 
@@ -43,7 +43,7 @@ const FIRST_STREAM: u64 = 1 << 40;
 
 /// Which of several plans is improved.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct WhichPlan {
     /// Stage of the search.
     pub stage: u64,
     /// Tells the random streams of several plans apart.
@@ -56,7 +56,7 @@ pub(super) fn improve(
     workshop: &impl Workshop,
     smoothing: Smoothing,
     mut best: Refined,
-    place: Place,
+    place: WhichPlan,
 ) -> Refined {
     let mut random = ChaCha8Rng::seed_from_u64(context.problem.seed);
     random.set_stream(FIRST_STREAM + place.stream);
@@ -67,7 +67,7 @@ pub(super) fn improve(
             break;
         }
         let batch = ideas.batch(context, &best.plan, &mut random);
-        let Place { stage, stream } = place;
+        let WhichPlan { stage, stream } = place;
         let name = || format!("{stage}/batch/{stream}/{count}");
         let winner = context.remembered(name, |context| {
             let admitted = batch.into_par_iter();

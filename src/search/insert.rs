@@ -11,10 +11,10 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::context::Context;
 use super::cost::{detour_s, price_of_time};
-use super::order::with_quickest_positions;
+use super::index_table::IndexTable;
 use super::plan::Plan;
 use super::rated::{Refined, rate};
-use super::table::Table;
+use super::reordering::with_quickest_positions;
 use crate::attitude::{Attitude, Position};
 use crate::covariance::fast::cuts::{Cuts, Insertion};
 use crate::covariance::{CoefficientCovariance, TickRule};
@@ -139,7 +139,7 @@ impl Gaps {
 
 /// Positions spread over the attitudes that the platform can take.
 fn attitudes(platform: &Platform) -> Vec<Position> {
-    if let Some(table) = Table::new(platform) {
+    if let Some(table) = IndexTable::new(platform) {
         return table.sample(ATTITUDES);
     }
     (0..ATTITUDES)

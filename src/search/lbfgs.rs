@@ -22,7 +22,7 @@ pub(super) mod solver;
 
 use std::collections::VecDeque;
 
-use line_search::{LineSearch, Next, Slope};
+use line_search::{LinePoint, LineSearch, Next};
 
 use super::termination::Termination;
 
@@ -44,11 +44,11 @@ struct Pair {
 }
 
 /// Value and gradient at a point; none where there are none.
-pub(super) type Found<'a> = Option<(f64, &'a [f64])>;
+pub(super) type ValueAndGradient<'a> = Option<(f64, &'a [f64])>;
 
 /// What becomes of a minimisation that has been told a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Progress {
+pub(super) enum Advance {
     /// It asks for another point of the same line.
     Tries,
     /// A line search is done; it asks for the first point of the next.
@@ -139,7 +139,7 @@ impl Lbfgs {
     }
 
     /// Takes value and gradient at [`Lbfgs::point`]. Numbers that are not finite count as none.
-    pub fn tell(&mut self, found: Found<'_>) -> Progress {
+    pub fn tell(&mut self, found: ValueAndGradient<'_>) -> Advance {
         let is_finite = |f: &(f64, &[f64])| f.0.is_finite() && f.1.iter().all(|g| g.is_finite());
         let found = found.filter(is_finite);
         self.keep_best(found);
@@ -155,26 +155,26 @@ impl Lbfgs {
                 None => self.end(Termination::NoMerit),
             };
         };
-        let slope = found.map(|(value, gradient)| Slope {
+        let slope = found.map(|(value, gradient)| LinePoint {
             value,
             slope: dot(gradient, &self.direction),
         });
         match line.next(slope) {
             Next::Try(step) if self.trials < MOST_TRIALS => {
                 self.go(step);
-                Progress::Tries
+                Advance::Tries
             }
             Next::Try(_) | Next::Accept => self.accept(found),
             Next::Fail => self.start_anew(),
         }
     }
 
-    fn end(&mut self, termination: Termination) -> Progress {
+    fn end(&mut self, termination: Termination) -> Advance {
         self.termination = Some(termination);
-        Progress::Ended(termination)
+        Advance::Ended(termination)
     }
 
-    fn keep_best(&mut self, found: Found<'_>) {
+    fn keep_best(&mut self, found: ValueAndGradient<'_>) {
         let Some((value, _)) = found else { return };
         match &mut self.best {
             Some((best, x)) if value < *best => {
@@ -187,7 +187,7 @@ impl Lbfgs {
     }
 
     /// Takes the trial point where it is better than the last one.
-    fn accept(&mut self, found: Found<'_>) -> Progress {
+    fn accept(&mut self, found: ValueAndGradient<'_>) -> Advance {
         let Some((value, gradient)) = found.filter(|(value, _)| *value < self.value) else {
             return self.start_anew();
         };
@@ -206,7 +206,7 @@ impl Lbfgs {
     }
 
     /// The line search has found nothing: once more by steepest descent, else the end.
-    fn start_anew(&mut self) -> Progress {
+    fn start_anew(&mut self) -> Advance {
         if self.pairs.is_empty() {
             return self.end(Termination::LineSearchFailed);
         }
@@ -241,7 +241,7 @@ impl Lbfgs {
     }
 
     /// A new direction from the present point.
-    fn search_on(&mut self) -> Progress {
+    fn search_on(&mut self) -> Advance {
         if self.is_stationary() {
             return self.end(Termination::GradientConverged);
         }
@@ -258,12 +258,12 @@ impl Lbfgs {
             slope = dot(&self.gradient, &self.direction);
         }
         self.trials = 0;
-        self.line = Some(LineSearch::new(Slope {
+        self.line = Some(LineSearch::new(LinePoint {
             value: self.value,
             slope,
         }));
         self.go(1.0);
-        Progress::Iterates
+        Advance::Iterates
     }
 
     /// direction = −H g by the two-loop recursion.

@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::checkpoint::Memorable;
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::finish::FreeAngles;
-use super::improve::{Place, improve};
+use super::improve::{WhichPlan, improve};
+use super::index_table::{IndexTable, OnTable, screen_on_table};
 use super::plan::Plan;
 use super::progress::Phase;
 use super::propose;
 use super::rated::{Candidate, Refined, rate};
-use super::table::{OnTable, Table, screen_on_table};
 use super::together::{refine_side_by_side, share_of_a_thread};
 use super::workshop::Workshop;
 use crate::criterion::Smoothing;
@@ -30,7 +30,7 @@ const SCREENING_ITERATIONS: u64 = 90;
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
 pub(crate) fn best_candidate(context: Context<'_>, warm: &[Plan]) -> Result<Candidate> {
-    let found = match Table::new(context.evaluator.platform()) {
+    let found = match IndexTable::new(context.evaluator.platform()) {
         Some(table) => best_in(context, &OnTable(table), warm),
         None => best_in(context, &FreeAngles, warm),
     };
@@ -62,7 +62,7 @@ fn best_in(
     settled.truncate(if warm.is_empty() { IMPROVED } else { 1 });
     let improve = |context: Context<'_>, stream: u64, plan: Refined| {
         let (smoothing, plan) = sharpened(context, workshop, plan);
-        let place = Place { stage, stream };
+        let place = WhichPlan { stage, stream };
         let improved = improve(context, workshop, smoothing, plan, place);
         workshop.polish(context, improved)
     };
@@ -124,7 +124,7 @@ fn in_parallel<T: Send, U: Shown + Memorable + Send>(
 
 /// Works `plan` out to the end; none when it comes to nothing.
 pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
-    match Table::new(context.evaluator.platform()) {
+    match IndexTable::new(context.evaluator.platform()) {
         Some(table) => finish_in(context, &OnTable(table), plan),
         None => finish_in(context, &FreeAngles, plan),
     }
@@ -168,7 +168,7 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
 /// Refines every start for a while; returns them best first. The first start is worked on
 /// whatever the control says, so that there always is a best so far.
 fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
-    let table = Table::new(context.evaluator.platform()).filter(Table::is_coarse);
+    let table = IndexTable::new(context.evaluator.platform()).filter(IndexTable::is_coarse);
     let mut refined = match &table {
         // Free angles say little about a coarse table.
         Some(table) => in_parallel(
@@ -219,7 +219,7 @@ fn screen_together(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<R
                 return;
             };
             let (index, plan) = to_do[outcome.index];
-            let own = Work::default();
+            let own = WorkDone::default();
             own.count_start();
             own.count_refinement(ended);
             let with_own = Context {

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::reason::Reason;
 use super::termination::RefinementCounters;
+use crate::analysis::Unobservable;
 use crate::evaluate::Evaluation;
-use crate::observability::Unobservable;
 use crate::schedule::Schedule;
 
 /// What to search for.
@@ -93,8 +94,8 @@ pub struct FrontPoint {
 pub struct SearchOutcome {
     /// How it ended.
     pub status: Status,
-    /// The same in words.
-    pub reason: String,
+    /// Why.
+    pub reason: Reason,
     /// The recommended schedule.
     pub schedule: Schedule,
     /// Its evaluation, both computations agreeing.

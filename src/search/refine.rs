@@ -5,7 +5,7 @@
 //! is the best point seen, trial points included, and how it ended.
 
 use super::context::Context;
-use super::lbfgs::solver::{self, Merit};
+use super::lbfgs::solver::{self, MeritFunction};
 use super::plan::Plan;
 use super::rated::Refined;
 use super::variables::{Coordinates, Variables};
@@ -18,7 +18,7 @@ struct MeritOf<'a, C> {
     smoothing: Smoothing,
 }
 
-impl<C: Coordinates> Merit for MeritOf<'_, C> {
+impl<C: Coordinates> MeritFunction for MeritOf<'_, C> {
     fn with_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
         let timeline = self.variables.timeline(x)?;
         let evaluator = self.context.evaluator;
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::context::Work;
+    use crate::search::context::WorkDone;
     use crate::search::problem::SearchProblem;
     use crate::search::progress::Control;
     use crate::search::propose::starts;
@@ -149,7 +149,7 @@ mod tests {
                 evaluator: &evaluator,
                 problem: &problem,
                 control: &control,
-                work: &Work::default(),
+                work: &WorkDone::default(),
             };
             let smoothing = Smoothing::Exact;
             // Screened: near enough to a minimum that both should come to the same one.

@@ -6,18 +6,16 @@
 //! from its neighbour. In the end whole filter periods are taken off as long as the
 //! specification holds, judged by the filter's own tick rule.
 
-use super::context::{Context, Work};
+use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
 use super::pipeline::best_candidate;
 use super::plan::Plan;
 use super::problem::{SearchOutcome, SearchProblem, Status};
 use super::progress::{Control, Phase};
 use super::rated::Candidate;
+use super::reason::{EnoughTime, MissedSpecification, Reason};
 use super::tumbling::tumble;
-use super::{
-    conclude, missed_specifications, nothing_to_find, refuse_unsupported, search,
-    what_depends_on_the_schedule,
-};
+use super::{conclude, nothing_to_find, refuse_unsupported, search, what_depends_on_the_schedule};
 use crate::covariance::TickRule;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -61,7 +59,7 @@ pub fn shortest(
         ..*evaluator.objective()
     };
     let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
-    let work = Work::default();
+    let work = WorkDone::default();
     if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
         return Ok(known);
     }
@@ -88,11 +86,10 @@ pub fn shortest(
     };
     let mut outcome = conclude(evaluator, control, &work, schedule)?;
     if outcome.status == Status::Converged {
-        outcome.reason = format!(
-            "every coefficient is within its specification after {:.1} s; the largest ratio of \
-             a sigma to its specification is {:.4}",
-            outcome.evaluation.total_time_s, outcome.evaluation.score.criterion
-        );
+        outcome.reason = Reason::SpecificationMet {
+            total_time_s: outcome.evaluation.total_time_s,
+            largest_ratio: outcome.evaluation.score.criterion,
+        };
     }
     Ok(outcome)
 }
@@ -101,7 +98,7 @@ struct RootSearch<'a> {
     evaluator: &'a Evaluator,
     problem: &'a SearchProblem,
     control: &'a Control,
-    work: &'a Work,
+    work: &'a WorkDone,
 }
 
 impl RootSearch<'_> {
@@ -254,24 +251,21 @@ impl RootSearch<'_> {
             self.work,
             longest.plan.to_schedule(self.evaluator.platform())?,
         )?;
-        let missed = missed_specifications(self.evaluator, &outcome.evaluation);
         let enough = match self.time_needed(longest) {
-            Ok(Some(t)) => format!("the specification can be met in {t:.0} s"),
-            Ok(None) => "no test of any length that was tried meets it".to_owned(),
-            Err(e) => format!("a longer test could not be worked out: {e}"),
+            Ok(Some(t)) => EnoughTime::Found(t),
+            Ok(None) => EnoughTime::NotFound,
+            Err(e) => EnoughTime::Failed(e),
         };
         let complete = matches!(outcome.status, Status::Converged | Status::Infeasible);
         if complete && outcome.evaluation.score.meets_minimum_separability {
             outcome.status = Status::Infeasible;
-            let unobservable = outcome.unobservable.in_words();
-            let unobservable = unobservable.map_or_else(String::new, |words| words + "; ");
-            outcome.reason = format!(
-                "{unobservable}the specification is not met in {:.0} s, missed by {}; a \
-                 specification {:.4} times as wide can be; {enough}",
-                self.problem.total_time_s,
-                missed.join(", "),
-                longest.criterion
-            );
+            outcome.reason = Reason::NotInTime {
+                unobservable: outcome.unobservable.clone(),
+                allowed_s: self.problem.total_time_s,
+                missed: MissedSpecification::all(self.evaluator.objective(), &outcome.evaluation),
+                times_as_wide: longest.criterion,
+                enough,
+            };
         }
         Ok(outcome)
     }

@@ -1,7 +1,7 @@
 //! The plan that stays where it is: where little fits, it does.
 
+use super::index_table::IndexTable;
 use super::plan::Plan;
-use super::table::Table;
 use crate::attitude::Position;
 use crate::error::{Error, Result};
 use crate::motion::equivalent_positions;
@@ -42,7 +42,7 @@ fn anywhere(platform: &Platform) -> Option<Position> {
         None => 0.0,
     };
     let angles = ranges.map(nearest);
-    let angles = match Table::new(platform) {
+    let angles = match IndexTable::new(platform) {
         Some(table) if table.is_empty() => return None,
         Some(table) => table.snap(platform, angles),
         None => angles,

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::lbfgs::{Ended, Lbfgs, Minimised, Progress};
+use super::lbfgs::{Advance, Ended, Lbfgs, Minimised};
 use super::plan::Plan;
 use super::rated::Refined;
 use super::variables::{Coordinates, Variables};
@@ -108,7 +108,7 @@ pub(super) fn refine_side_by_side(
         let stop = context.must_stop();
         // From the last on, so that the places of the others stay.
         for k in (0..active.len()).rev() {
-            if stop || matches!(progress[k], Progress::Ended(_)) {
+            if stop || matches!(progress[k], Advance::Ended(_)) {
                 hand_over(active.remove(k).outcome(&variables));
             }
         }
@@ -130,7 +130,7 @@ fn advance(
     variables: &Variables<'_>,
     smoothing: Smoothing,
     active: &mut [Active],
-) -> Vec<Progress> {
+) -> Vec<Advance> {
     let mut timelines = Vec::with_capacity(active.len());
     let planned: Vec<bool> = active
         .iter()
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::context::Work;
+    use crate::search::context::WorkDone;
     use crate::search::propose::starts;
     use crate::search::refine::refine;
     use crate::search::{Control, SearchProblem};
@@ -180,7 +180,7 @@ mod tests {
                 ..SearchProblem::default()
             };
             let control = Control::default();
-            let (alone, together) = (Work::default(), Work::default());
+            let (alone, together) = (WorkDone::default(), WorkDone::default());
             let context = |work| Context {
                 evaluator: &evaluator,
                 problem: &problem,

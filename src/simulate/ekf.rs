@@ -8,20 +8,20 @@ use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix, drift_matrix};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 
-use super::ToldNoise;
-use super::program::{Interval, Program};
+use super::options::ToldNoise;
+use super::program::{DriftInterval, Program};
 use super::square_root::{PSI, ScalarGain, SquareRoot, StateVector};
 use super::truth::{Direction, Disturbance, GyroDrift, Misalignment, turned};
 
 /// The measured channels of Z^n (9): z_1 = ψ_z and z_3 = −ψ_x. The vertical one carries only
 /// noise to first order, and the filter leaves it out.
-const CHANNELS: [Channel; 2] = [
-    Channel {
+const CHANNELS: [MeasurementRow; 2] = [
+    MeasurementRow {
         row: NORTH,
         axis: EAST,
         sign: 1.0,
     },
-    Channel {
+    MeasurementRow {
         row: EAST,
         axis: NORTH,
         sign: -1.0,
@@ -29,7 +29,7 @@ const CHANNELS: [Channel; 2] = [
 ];
 
 /// Row `row` of Z^n is `sign` · ψ_axis.
-struct Channel {
+struct MeasurementRow {
     row: usize,
     axis: usize,
     sign: f64,
@@ -73,13 +73,13 @@ fn update(root: &mut SquareRoot, noise: f64) -> TickGain {
 
 /// The gains of the linear filter: the same for every run of a test.
 #[derive(Debug)]
-pub(super) struct Gains {
+pub(super) struct LinearGains {
     ticks: Vec<TickGain>,
     /// The covariance at the end of every position.
     pub leg_ends: Vec<SquareRoot>,
 }
 
-impl Gains {
+impl LinearGains {
     /// Runs the covariance through `program`, showing it to `observe` after every interval.
     pub fn new(program: &Program, belief: &Belief, observe: &mut dyn FnMut(&SquareRoot)) -> Self {
         let mut root = SquareRoot::diagonal(&belief.prior_sigma);
@@ -120,7 +120,7 @@ pub(super) enum Filter<'a> {
 
 impl Filter<'_> {
     /// Predicts through `interval`.
-    pub fn advance(&mut self, program: &Program, interval: &Interval) {
+    pub fn advance(&mut self, program: &Program, interval: &DriftInterval) {
         match self {
             Self::Linear(f) => f.advance(program, interval),
             Self::Extended(f) => f.advance(interval),
@@ -129,7 +129,7 @@ impl Filter<'_> {
 
     /// Takes the measurement `z` (platform components, g) at the end of `interval`; gives the
     /// normalised innovation squared.
-    pub fn measure(&mut self, interval: &Interval, z: &Vector3<f64>) -> f64 {
+    pub fn measure(&mut self, interval: &DriftInterval, z: &Vector3<f64>) -> f64 {
         let z_n = interval.end_attitude().matrix() * z * ARCSEC_PER_RAD;
         match self {
             Self::Linear(f) => f.measure(&z_n),
@@ -186,7 +186,7 @@ impl Filter<'_> {
 /// The Kalman filter on the first-order model, with gains from beforehand.
 #[derive(Debug)]
 pub(super) struct LinearFilter<'a> {
-    gains: &'a Gains,
+    gains: &'a LinearGains,
     tick: usize,
     /// ψ^n, arcsec.
     psi: Vector3<f64>,
@@ -196,7 +196,7 @@ pub(super) struct LinearFilter<'a> {
 
 impl<'a> LinearFilter<'a> {
     /// A filter that starts from zero.
-    pub fn new(gains: &'a Gains) -> Self {
+    pub fn new(gains: &'a LinearGains) -> Self {
         Self {
             gains,
             tick: 0,
@@ -209,7 +209,7 @@ impl<'a> LinearFilter<'a> {
         UnitQuaternion::from_scaled_axis(self.psi / ARCSEC_PER_RAD)
     }
 
-    fn advance(&mut self, program: &Program, interval: &Interval) {
+    fn advance(&mut self, program: &Program, interval: &DriftInterval) {
         if let Some(q) = &interval.turn {
             self.psi = q * self.psi;
         }
@@ -264,7 +264,7 @@ impl Nominal {
         }
     }
 
-    fn integrate(&mut self, earth_rate_n: &Vector3<f64>, interval: &Interval, way: Direction) {
+    fn integrate(&mut self, earth_rate_n: &Vector3<f64>, interval: &DriftInterval, way: Direction) {
         let drift = GyroDrift::from_deg_per_h(&self.coefficients);
         let disturbance = Disturbance {
             earth_rate_n,
@@ -355,7 +355,7 @@ impl<'a> ExtendedFilter<'a> {
         self.root.nees(&deviation).states
     }
 
-    fn advance(&mut self, interval: &Interval) {
+    fn advance(&mut self, interval: &DriftInterval) {
         if let Some(q) = &interval.turn {
             self.root.turn(q);
             self.nominal.rotation = turned(&self.nominal.rotation, q);
@@ -375,7 +375,7 @@ impl<'a> ExtendedFilter<'a> {
     /// have, and with the tilt's part in the specific force, F = −[ω_ie×] + M^n [g^n×].
     fn jacobians(
         &self,
-        interval: &Interval,
+        interval: &DriftInterval,
         rotation: &UnitQuaternion<f64>,
     ) -> (Matrix3<f64>, DriftMatrix) {
         let drift = GyroDrift::from_deg_per_h(&self.nominal.coefficients);

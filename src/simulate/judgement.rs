@@ -4,10 +4,10 @@
 //! words say the worst first: runs that diverged, what the errors are, whether the filter can be
 //! believed, whether the specification is met.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
 
 use crate::drift::CoefficientVector;
-use crate::report::numbers::{listed, number};
+use crate::wording::{listed, number};
 
 use super::MonteCarlo;
 use super::consistency::{Consistency, Verdict};
@@ -15,20 +15,62 @@ use super::divergence::Divergence;
 use super::specification::{Decision, SpecificationCheck};
 
 /// What a simulation says of a test and its filter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
     /// What is to be thought of the filter.
     pub verdict: Verdict,
     /// The runs that diverged.
     pub divergence: Divergence,
-    /// The errors against the specification; null: none is given.
+    /// The errors against the specification; none: none is given.
     pub specification: Option<SpecificationCheck>,
     /// Whether nothing is left to doubt: the filter is consistent, no run diverged, and the
     /// specification, if there is one, is shown to be met. What `simulate --check` asks.
     pub passed: bool,
-    /// The same in sentences, with units in plain letters.
-    pub sentences: Vec<String>,
+    /// The findings in the order in which they are said; [`std::fmt::Display`] makes a sentence of
+    /// each, with units in plain letters.
+    pub findings: Vec<Finding>,
+}
+
+/// One thing that a simulation shows.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// Runs diverged.
+    Diverged(Divergence),
+    /// What the errors of the runs are that did not diverge.
+    Others {
+        /// How many they are.
+        runs: usize,
+        /// Their RMS error, °/h.
+        rms_error_deg_per_h: f64,
+    },
+    /// The RMS error of all runs beside what the filter says and what was planned, °/h.
+    Errors {
+        /// How many runs.
+        runs: usize,
+        /// The RMS error.
+        rms_error_deg_per_h: f64,
+        /// The RMS of the filter's σ.
+        rms_sigma_deg_per_h: f64,
+        /// The RMS of the planned σ.
+        rms_planned_sigma_deg_per_h: f64,
+    },
+    /// Whether the filter can be believed, and by which numbers.
+    Filter {
+        /// What is to be thought of it.
+        verdict: Verdict,
+        /// NEES, NEES of the coefficients, NIS.
+        consistency: [Option<Consistency>; 3],
+    },
+    /// Whether the errors of the runs show that the specification is met.
+    Specification {
+        /// The errors against it.
+        check: SpecificationCheck,
+        /// How many runs.
+        runs: usize,
+        /// Whether some diverged.
+        diverged: bool,
+    },
 }
 
 impl Judgement {
@@ -38,17 +80,77 @@ impl Judgement {
         let verdict = found.verdict();
         let specification = spec_deg_per_h.and_then(|s| SpecificationCheck::new(found, s));
         let met = |s: &SpecificationCheck| s.decision == Decision::Met;
-        let passed = verdict == Verdict::Consistent && specification.as_ref().is_none_or(met);
-        let mut sentences = diverged(&found.divergence);
-        sentences.push(errors(found));
-        sentences.push(filter(found, verdict));
-        sentences.extend(specification.as_ref().map(|s| specified(s, found)));
+        let divergence = &found.divergence;
+        let mut findings = Vec::new();
+        if divergence.count > 0 {
+            findings.push(Finding::Diverged(divergence.clone()));
+            findings.extend(divergence.rms_error_of_the_others_deg_per_h.map(|error| {
+                Finding::Others {
+                    runs: divergence.runs - divergence.count,
+                    rms_error_deg_per_h: error,
+                }
+            }));
+        }
+        findings.push(Finding::Errors {
+            runs: found.runs,
+            rms_error_deg_per_h: found.rms_error_deg_per_h(),
+            rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
+            rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
+        });
+        findings.push(Finding::Filter {
+            verdict,
+            consistency: [found.nees, found.nees_coefficients, found.nis],
+        });
+        findings.extend(specification.as_ref().map(|check| Finding::Specification {
+            check: check.clone(),
+            runs: found.runs,
+            diverged: divergence.count > 0,
+        }));
         Self {
             verdict,
-            divergence: found.divergence.clone(),
+            divergence: divergence.clone(),
+            passed: verdict == Verdict::Consistent && specification.as_ref().is_none_or(met),
             specification,
-            passed,
-            sentences,
+            findings,
+        }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Diverged(divergence) => f.write_str(&diverged(divergence)),
+            Self::Others {
+                runs,
+                rms_error_deg_per_h,
+            } => write!(
+                f,
+                "The RMS error of the other {runs} runs is {} deg/h.",
+                number(*rms_error_deg_per_h)
+            ),
+            Self::Errors {
+                runs,
+                rms_error_deg_per_h: error,
+                rms_sigma_deg_per_h: sigma,
+                rms_planned_sigma_deg_per_h: planned,
+            } => write!(
+                f,
+                "Over all {runs} runs the RMS error is {} deg/h, {}; the filter says {} deg/h, \
+                 the plan {} deg/h.",
+                number(*error),
+                against_the_plan(error / planned),
+                number(*sigma),
+                number(*planned),
+            ),
+            Self::Filter {
+                verdict,
+                consistency,
+            } => f.write_str(&filter(*verdict, consistency)),
+            Self::Specification {
+                check,
+                runs,
+                diverged,
+            } => f.write_str(&specified(check, *runs, *diverged)),
         }
     }
 }
@@ -72,13 +174,10 @@ impl MonteCarlo {
     }
 }
 
-/// What happened in the runs that diverged, if any did.
-fn diverged(d: &Divergence) -> Vec<String> {
+/// What happened in the runs that diverged.
+fn diverged(d: &Divergence) -> String {
     /// How many are called by their number.
     const NAMED: usize = 5;
-    if d.count == 0 {
-        return Vec::new();
-    }
     let named: Vec<String> = d
         .listed
         .iter()
@@ -100,51 +199,30 @@ fn diverged(d: &Divergence) -> Vec<String> {
             "The residuals show it in {n} of {count}; the rest would pass unnoticed at the stand."
         ),
     };
-    let mut sentences = vec![format!(
-        "{} of {} runs diverged, beyond all chance. RMS error of the coefficients: {}{}. {noticed}",
+    format!(
+        "{} of {} runs diverged, beyond all chance. RMS error of the coefficients: {}{more}. \
+         {noticed}",
         d.count,
         d.runs,
         listed(&named),
-        more,
-    )];
-    if let Some(others) = d.rms_error_of_the_others_deg_per_h {
-        sentences.push(format!(
-            "The RMS error of the other {} runs is {} deg/h.",
-            d.runs - d.count,
-            number(others)
-        ));
-    }
-    sentences
+    )
 }
 
-/// The RMS error beside what was planned and what the filter says.
-fn errors(found: &MonteCarlo) -> String {
+/// The RMS error as a ratio to what was planned, in words.
+fn against_the_plan(ratio: f64) -> String {
     /// Beyond so many times the plan, percent are no help.
     const TIMES: f64 = 3.0;
-    let (error, planned) = (
-        found.rms_error_deg_per_h(),
-        found.rms_planned_sigma_deg_per_h(),
-    );
-    let ratio = error / planned;
-    let against = match ratio {
+    match ratio {
         r if r.is_nan() => "no number to compare with the plan".to_owned(),
         r if r >= TIMES => format!("{} times what was planned", number(r)),
         r if r >= 1.005 => format!("{:.0} % more than planned", 100.0 * (r - 1.0)),
         r if r <= 0.995 => format!("{:.0} % less than planned", 100.0 * (1.0 - r)),
         _ => "as planned".to_owned(),
-    };
-    format!(
-        "Over all {} runs the RMS error is {} deg/h, {against}; the filter says {} deg/h, the plan \
-         {} deg/h.",
-        found.runs,
-        number(error),
-        number(found.rms_sigma_deg_per_h()),
-        number(planned),
-    )
+    }
 }
 
 /// Whether the filter can be believed, and by which numbers.
-fn filter(found: &MonteCarlo, verdict: Verdict) -> String {
+fn filter(verdict: Verdict, consistency: &[Option<Consistency>; 3]) -> String {
     let meaning = match verdict {
         Verdict::Consistent => "The filter is consistent: its errors are as large as it says",
         Verdict::Optimistic => "The filter is optimistic: its errors are larger than it says",
@@ -155,14 +233,11 @@ fn filter(found: &MonteCarlo, verdict: Verdict) -> String {
         }
         Verdict::Diverged => "The filter diverged, and what it says of itself cannot be relied on",
     };
-    let numbers: Vec<String> = [
-        ("NEES", &found.nees),
-        ("NEES of the coefficients", &found.nees_coefficients),
-        ("NIS", &found.nis),
-    ]
-    .into_iter()
-    .filter_map(|(name, c)| c.map(|c| against_bounds(name, &c)))
-    .collect();
+    let numbers: Vec<String> = ["NEES", "NEES of the coefficients", "NIS"]
+        .into_iter()
+        .zip(consistency)
+        .filter_map(|(name, c)| c.map(|c| against_bounds(name, &c)))
+        .collect();
     match numbers.is_empty() {
         true => format!("{meaning}."),
         false => format!("{meaning} ({}).", numbers.join("; ")),
@@ -193,7 +268,7 @@ fn rounded_up(count: usize) -> usize {
 }
 
 /// Whether the errors of the runs show that the specification is met.
-fn specified(s: &SpecificationCheck, found: &MonteCarlo) -> String {
+fn specified(s: &SpecificationCheck, runs: usize, diverged: bool) -> String {
     let of = |decision: Decision| -> Vec<String> {
         s.coefficients
             .iter()
@@ -205,7 +280,6 @@ fn specified(s: &SpecificationCheck, found: &MonteCarlo) -> String {
             })
             .collect()
     };
-    let runs = found.runs;
     let certain = 100.0 * s.probability;
     match s.decision {
         Decision::Met => format!(
@@ -216,7 +290,7 @@ fn specified(s: &SpecificationCheck, found: &MonteCarlo) -> String {
             "The specification is not met: {}.",
             listed(&of(Decision::NotMet))
         ),
-        Decision::NotDecided if found.divergence.count > 0 => format!(
+        Decision::NotDecided if diverged => format!(
             "Whether the specification is met is not decided: errors of runs that diverge have no \
              limit that {runs} runs could show."
         ),

@@ -25,7 +25,7 @@ const LARGEST_TURN_RAD: f64 = 0.1;
 
 /// One interval: constant random drift, and a measurement at its end or none.
 #[derive(Debug, Clone)]
-pub(super) struct Interval {
+pub(super) struct DriftInterval {
     /// Index of the position being moved to or held.
     pub leg: usize,
     /// Length, s; zero where only `turn` happens.
@@ -43,7 +43,7 @@ pub(super) struct Interval {
     pub transition: usize,
 }
 
-impl Interval {
+impl DriftInterval {
     /// How many Runge–Kutta steps it takes.
     pub fn steps(&self) -> usize {
         (self.attitudes.len() / 2).max(1)
@@ -62,7 +62,7 @@ impl Interval {
 
 /// Φ and B of the linear model over an interval: ψ^n ← Φ ψ^n + B D.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Transition {
+pub(super) struct LinearTransition {
     pub phi: Matrix3<f64>,
     /// s (times g).
     pub b: DriftMatrix,
@@ -71,8 +71,8 @@ pub(super) struct Transition {
 /// All intervals of a test in order.
 #[derive(Debug)]
 pub(super) struct Program {
-    pub intervals: Vec<Interval>,
-    pub transitions: Vec<Transition>,
+    pub intervals: Vec<DriftInterval>,
+    pub transitions: Vec<LinearTransition>,
     /// For each leg of the timeline, the index of its last interval.
     pub leg_ends: Vec<usize>,
     /// Which legs are positions of the schedule.
@@ -98,7 +98,7 @@ impl Program {
                     .with_allowed(format!("at most {MAX_INTERVALS:e} periods in the test")),
             );
         }
-        let mut builder = Builder {
+        let mut builder = ProgramBuilder {
             dynamics: ErrorDynamics::new(platform.earth_rate_n()),
             period_s: period,
             program: Self {
@@ -132,7 +132,7 @@ impl Program {
 }
 
 /// What is being built, and how far it has come.
-struct Builder {
+struct ProgramBuilder {
     dynamics: ErrorDynamics,
     period_s: f64,
     program: Program,
@@ -149,7 +149,7 @@ struct Piece {
     measured: bool,
 }
 
-impl Builder {
+impl ProgramBuilder {
     /// Cuts a duration into filter periods and a remainder, and these into pieces short enough
     /// to hold the random drift; a tick ends each whole period where the filter measures.
     fn pieces(&self, duration_s: f64, measured: bool) -> Vec<Piece> {
@@ -226,14 +226,14 @@ impl Builder {
 
     fn transition(&mut self, length_s: f64, b: DriftMatrix) -> usize {
         let phi = self.dynamics.transition(length_s);
-        self.program.transitions.push(Transition { phi, b });
+        self.program.transitions.push(LinearTransition { phi, b });
         self.program.transitions.len() - 1
     }
 
     fn push(&mut self, piece: &Piece, attitudes: Vec<Attitude>, transition: usize) {
         self.time_s += piece.length_s;
         self.program.ticks += usize::from(piece.measured);
-        self.program.intervals.push(Interval {
+        self.program.intervals.push(DriftInterval {
             leg: self.leg,
             length_s: piece.length_s,
             end_s: self.time_s,

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::attitude::Attitude;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 
-use super::ekf::Gains;
+use super::ekf::LinearGains;
 use super::square_root::{PSI, SquareRoot, StateVector};
 use super::{InitialTruth, Simulation, stream};
 
@@ -122,7 +122,7 @@ impl Simulation {
     fn linear_roots(&self) -> Vec<SquareRoot> {
         let mut roots = Vec::new();
         if self.options.filter == super::FilterModel::Linear {
-            Gains::new(&self.program, &self.belief, &mut |root| {
+            LinearGains::new(&self.program, &self.belief, &mut |root| {
                 roots.push(root.clone());
             });
         }

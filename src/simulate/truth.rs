@@ -9,8 +9,8 @@ use crate::attitude::{Attitude, GRAVITY_N};
 use crate::drift::{CoefficientVector, drift_c};
 use crate::units::{Angle, AngularRate};
 
-use super::program::{Interval, Program};
-use super::{InitialTruth, TruthModel};
+use super::options::{InitialTruth, TruthModel};
+use super::program::{DriftInterval, Program};
 
 /// The drift of the three gyros as D_F + M g (3), rad/s.
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +53,7 @@ pub(super) enum Direction {
 
 impl Direction {
     /// The signed Runge–Kutta step of `interval`, s.
-    fn step_s(self, interval: &Interval) -> f64 {
+    fn step_s(self, interval: &DriftInterval) -> f64 {
         let h = interval.length_s / interval.steps() as f64;
         match self {
             Self::Forward => h,
@@ -62,7 +62,7 @@ impl Direction {
     }
 
     /// C_c^n at half step `i`, counted from where the integration starts.
-    fn attitude(self, interval: &Interval, i: usize) -> &Attitude {
+    fn attitude(self, interval: &DriftInterval, i: usize) -> &Attitude {
         interval.attitude(match self {
             Self::Forward => i,
             Self::Backward => 2 * interval.steps() - i,
@@ -93,7 +93,7 @@ impl Disturbance<'_> {
     pub fn integrate(
         &self,
         e: &UnitQuaternion<f64>,
-        interval: &Interval,
+        interval: &DriftInterval,
         direction: Direction,
     ) -> UnitQuaternion<f64> {
         let mut e = *e;
@@ -127,7 +127,7 @@ impl Disturbance<'_> {
 
     /// ψ^n at the end of `interval` (its turn apart) in the first-order model (8), by
     /// Runge–Kutta.
-    fn integrate_first_order(&self, psi: &Vector3<f64>, interval: &Interval) -> Vector3<f64> {
+    fn integrate_first_order(&self, psi: &Vector3<f64>, interval: &DriftInterval) -> Vector3<f64> {
         let mut psi = *psi;
         let h = Direction::Forward.step_s(interval);
         for step in 0..interval.steps() {
@@ -169,7 +169,7 @@ impl Misalignment {
         }
     }
 
-    fn advanced(&self, disturbance: &Disturbance<'_>, interval: &Interval) -> Self {
+    fn advanced(&self, disturbance: &Disturbance<'_>, interval: &DriftInterval) -> Self {
         match self {
             Self::Rotation(e) => {
                 let e = interval.turn.map_or(*e, |q| turned(e, &q));
@@ -226,7 +226,7 @@ pub(super) struct TrueNoise {
 /// What happened in one run: the platform at the end of every interval, and the measurement
 /// there if there was one.
 #[derive(Debug)]
-pub(super) struct Record {
+pub(super) struct TruthRecord {
     pub coefficients: CoefficientVector,
     pub misalignment: Vec<Misalignment>,
     /// Z, platform components, g; zero where nothing was measured.
@@ -238,7 +238,7 @@ fn normal3(random: &mut ChaCha8Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| StandardNormal.sample(random))
 }
 
-impl Record {
+impl TruthRecord {
     /// Runs the test from `initial`, noise drawn from `random`.
     pub fn new(
         program: &Program,

@@ -12,12 +12,12 @@ const PREFIX: &str = "standard:";
 
 /// A schedule to compare, with what it is called.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Contender(compare::Contender);
+pub struct Contender(compare::ComparisonEntry);
 
 impl Contender {
     /// A schedule of one's own, with its own dwells.
     pub fn schedule(name: impl Into<String>, schedule: Schedule) -> Self {
-        Self(compare::Contender {
+        Self(compare::ComparisonEntry {
             name: name.into(),
             source: Source::Given(schedule),
         })
@@ -25,7 +25,7 @@ impl Contender {
 
     /// A built-in scheme, with equal dwells.
     pub fn standard(scheme: StandardScheme) -> Self {
-        Self(compare::Contender {
+        Self(compare::ComparisonEntry {
             name: format!("{PREFIX}{}", scheme.name()),
             source: Source::Standard(scheme),
         })
@@ -135,7 +135,8 @@ impl Study {
             seed: self.config().search.seed,
             most_steps: options.order_steps,
         };
-        let contenders: Vec<compare::Contender> = contenders.iter().map(|c| c.0.clone()).collect();
+        let contenders: Vec<compare::ComparisonEntry> =
+            contenders.iter().map(|c| c.0.clone()).collect();
         let compared =
             self.on_threads(|| compare::compare(&self.evaluator, &contenders, &terms))?;
         let objective = self.evaluator.objective();

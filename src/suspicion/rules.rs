@@ -27,7 +27,7 @@
 //! | filter period, settling, shortest dwell | above 10 min, 2 h, 10 h | milliseconds |
 //! | filter period | given, and a noise per period is not | the default noise then is another instrument's |
 
-use super::{Instrument, Rescaled, Suspicion, TimeUnit, Warning};
+use super::warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning};
 use crate::config::StudyConfig;
 use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
@@ -65,7 +65,7 @@ const LONGEST_S: [f64; 4] = [1_209_600.0, 600.0, 7_200.0, 36_000.0];
 
 /// What is hard to believe of a study, of whose keys `defaulted` were not given.
 pub(super) fn study(config: &StudyConfig, defaulted: &[String]) -> Vec<Warning> {
-    let mut found = Found::default();
+    let mut found = Warnings::default();
     found.latitude(config);
     found.gimbals(config);
     found.motion(config);
@@ -116,9 +116,9 @@ fn radians(given: f64) -> Suspicion {
 }
 
 #[derive(Default)]
-struct Found(Vec<Warning>);
+struct Warnings(Vec<Warning>);
 
-impl Found {
+impl Warnings {
     fn push(&mut self, key: &str, value: impl ToString, suspicion: Suspicion) {
         self.0.push(Warning {
             key: key.to_owned(),
@@ -238,7 +238,7 @@ impl Found {
         self.noise(
             "accelerometer.noise_g",
             noise_g,
-            (Instrument::Accelerometer, noise_g * hours.sqrt()),
+            (NoiseSource::Accelerometer, noise_g * hours.sqrt()),
             [STRATEGIC_BIAS_G, NAVIGATION_BIAS_G],
             None,
         );
@@ -246,7 +246,7 @@ impl Found {
             self.noise(
                 "gyro.random_drift_deg_per_h",
                 drift,
-                (Instrument::Gyro, drift * hours.sqrt()),
+                (NoiseSource::Gyro, drift * hours.sqrt()),
                 [NAVIGATION_WALK, COMMERCIAL_WALK],
                 Some(ARCSEC_PER_RAD),
             );
@@ -255,7 +255,7 @@ impl Found {
             self.noise(
                 "gyro.angle_random_walk_deg_per_sqrt_h",
                 walk,
-                (Instrument::Gyro, walk),
+                (NoiseSource::Gyro, walk),
                 [NAVIGATION_WALK, COMMERCIAL_WALK],
                 // From rad/√s: degrees, and √3600 s in an hour.
                 Some(60.0 / RAD_PER_DEG),
@@ -268,13 +268,13 @@ impl Found {
         &mut self,
         key: &str,
         given: f64,
-        (instrument, comparable): (Instrument, f64),
+        (instrument, comparable): (NoiseSource, f64),
         [best, worst]: [f64; 2],
         from_radians: Option<f64>,
     ) {
         let above = match instrument {
-            Instrument::Accelerometer => 1.0,
-            Instrument::Gyro => ABOVE,
+            NoiseSource::Accelerometer => 1.0,
+            NoiseSource::Gyro => ABOVE,
         };
         // No noise at all is a choice, and allowed for the gyros.
         if given > 0.0 && comparable < best / BELOW {

@@ -7,7 +7,7 @@
 //! | dwells | one longer than a day | milliseconds: 600 s are 600 000 |
 
 use super::rules::{TURN_RAD, decimals, largest};
-use super::{Suspicion, TimeUnit, Warning};
+use super::warning::{Suspicion, TimeUnit, Warning};
 use crate::config::StudyConfig;
 use crate::schedule::Schedule;
 use crate::units::RAD_PER_DEG;

@@ -99,7 +99,7 @@ fn replay(platform: &Platform, timeline: &Timeline, step_deg: f64) -> usize {
         let held = held.unwrap();
         assert!(
             apart(
-                &attitude(held.to.map(|a| Angle::from_rad(a).deg())),
+                &attitude(held.to_rad.map(|a| Angle::from_rad(a).deg())),
                 leg.attitude.matrix()
             ) < 1e-9
         );

@@ -1,39 +1,22 @@
 //! What the paper says about observability, and what follows from it.
 
-use nalgebra::Vector3;
-use scheme_opt::internals::attitude::{EAST, Position, UP, earth_rate_n};
+use scheme_opt::internals::analysis::suggest::Suggestion;
+use scheme_opt::internals::analysis::{Analysis, PlatformState, state_orders_of_a_dwell};
+use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::covariance::CovarianceModel;
-use scheme_opt::internals::drift::{
-    CoefficientVector, DriftCoefficient as D, DriftKind, drift_matrix,
-};
-use scheme_opt::internals::dynamics::ErrorDynamics;
+use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D, DriftKind};
 use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::observability::advice::Advice;
-use scheme_opt::internals::observability::analysis::{Analysis, State, state_orders_of_a_dwell};
-use scheme_opt::internals::observability::levelling::{Levelling, SPHERE_LOG_DET};
-use scheme_opt::internals::observability::reconstruction::{
-    Levelled, MeasurementJet, Reconstruction,
-};
-use scheme_opt::internals::observability::solution::Solution;
-use scheme_opt::internals::observability::suggest::Suggestion;
-use scheme_opt::internals::observability::{Channel, Combination, Observability, Order};
+use scheme_opt::internals::observability::{Combination, Observability, Order};
 use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::standard::StandardScheme;
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::internals::units::{Angle, AngularRate};
 
-use crate::support::Random;
+use crate::support::{Random, held, random_positions};
 
 const FIRST: Option<Order> = Some(Order::First);
 const SECOND: Option<Order> = Some(Order::Second);
-
-fn held(positions: &[Position], dwell_s: f64) -> Schedule {
-    let held = positions
-        .iter()
-        .map(|p| ScheduledPosition::new(*p, dwell_s));
-    Schedule::new(held.collect()).unwrap()
-}
 
 fn analyze(config: &PlatformConfig, schedule: &Schedule) -> Observability {
     let platform = config.check().unwrap();
@@ -43,10 +26,6 @@ fn analyze(config: &PlatformConfig, schedule: &Schedule) -> Observability {
 
 fn at(positions: &[Position]) -> Observability {
     analyze(&PlatformConfig::default(), &held(positions, 1000.0))
-}
-
-fn random_positions(random: &mut Random, count: usize) -> Vec<Position> {
-    (0..count).map(|_| random.position()).collect()
 }
 
 fn evaluator() -> Evaluator {
@@ -74,14 +53,14 @@ fn orders_of_the_states_are_those_of_the_papers_table() {
         config.site.latitude_deg = latitude_deg;
         let model = CovarianceModel::new(&config.check().unwrap());
         let orders = state_orders_of_a_dwell(&model);
-        for (state, order) in State::ALL.into_iter().zip(orders) {
+        for (state, order) in PlatformState::ALL.into_iter().zip(orders) {
             // At a pole ψ_y drops out of (10) and (12): ε_z stands alone, ε_y is hidden.
             let pole = latitude_deg == 90.0;
             let expected = match state {
-                State::PsiX | State::PsiZ => Some(Order::Zero),
-                State::EpsilonX | State::EpsilonZMinusAzimuth => FIRST,
-                State::EpsilonZ if pole => FIRST,
-                State::EpsilonY | State::PsiYRate if !pole => SECOND,
+                PlatformState::PsiX | PlatformState::PsiZ => Some(Order::Zero),
+                PlatformState::EpsilonX | PlatformState::EpsilonZMinusAzimuth => FIRST,
+                PlatformState::EpsilonZ if pole => FIRST,
+                PlatformState::EpsilonY | PlatformState::PsiYRate if !pole => SECOND,
                 _ => None,
             };
             assert_eq!(order, expected, "{} at {latitude_deg}", state.name());
@@ -163,63 +142,6 @@ fn four_generic_positions_leave_one_combination_and_five_none() {
         assert_eq!((five.rank, five.unobservable.len()), (13, 0));
         assert!(five.orders.iter().all(Option::is_some));
     }
-}
-
-// ---------------------------------------------------------------- the levelling problem
-
-fn near(value: f64, expected: f64, tolerance: f64, what: &str) {
-    assert!(
-        (value - expected).abs() <= tolerance,
-        "{what}: {value}, not {expected}"
-    );
-}
-
-#[test]
-fn the_levelling_problem_has_its_known_optima() {
-    use StandardScheme as S;
-    near(SPHERE_LOG_DET, -12.559_422, 5e-7, "the sphere");
-    let best = Levelling::of_scheme(S::Icosahedron12).unwrap();
-    let sphere = [2.0 / 3.0, 1.0 / 3.0, 0.2, 0.0];
-    for (k, value) in best.eigenvalues().into_iter().enumerate() {
-        let expected = sphere[[0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 3][k]];
-        near(value, expected, 1e-10, "an eigenvalue of the icosahedron");
-    }
-    near(
-        best.log_det(),
-        SPHERE_LOG_DET,
-        1e-9,
-        "ln det of the icosahedron",
-    );
-    near(best.trace_of_inverse(), 38.5, 1e-8, "tr of its inverse");
-    // D-efficiency, tolerance of the last digit given, tr M⁻¹ with the same.
-    for (scheme, efficiency, trace, digit) in [
-        (S::Cube26, 0.9988, 38.63, 0.005),
-        (S::Cube18, 0.9956, 39.0, 0.05),
-        (S::Edges12, 0.9909, 39.5, 0.05),
-        (S::Vertices8, 0.9348, 46.5, 0.05),
-    ] {
-        let m = Levelling::of_scheme(scheme).unwrap();
-        let name = scheme.name();
-        println!(
-            "{name}: {:.6}, {:.4}",
-            m.d_efficiency(),
-            m.trace_of_inverse()
-        );
-        near(m.d_efficiency(), efficiency, 5e-5, name);
-        near(m.trace_of_inverse(), trace, digit, name);
-    }
-    let faces = Levelling::of_scheme(S::Faces6).unwrap();
-    assert_eq!(faces.rank(), 9);
-    for c in [D::IX, D::IY, D::IZ] {
-        let e = Combination::single(c).coefficients();
-        assert!(
-            (faces.information() * e).amax() < 1e-15,
-            "{} is seen",
-            c.name()
-        );
-    }
-    assert_eq!(faces.d_efficiency(), 0.0);
-    assert_eq!(faces.trace_of_inverse(), f64::INFINITY);
 }
 
 // ---------------------------------------------------------------- the trace
@@ -333,7 +255,7 @@ fn frame_hold_exchanges_what_the_azimuth_is_taken_for() {
             let mut d = CoefficientVector::zeros();
             d[c.index()] = 1.0;
             let name = Combination::from_weights(&d, sign).to_string();
-            o.unobservable.contains(&name)
+            o.unobservable.iter().any(|c| c.to_string() == name)
         };
         with(1.0) || with(-1.0)
     };
@@ -354,102 +276,6 @@ fn frame_hold_exchanges_what_the_azimuth_is_taken_for() {
     let o = analyze(&config, &held(&tilted, 1000.0));
     assert_eq!(o.order_of(&Combination::azimuth()), Some(Order::Zero));
     assert_eq!(at(&tilted).order_of(&Combination::azimuth()), None);
-}
-
-// ---------------------------------------------------------------- reconstruction, end to end
-
-/// A noise-free test: the drift, the misalignment at its start, and what each channel tells.
-struct Truth {
-    coefficients: CoefficientVector,
-    /// By position, for the channels x, z, y; z with the change of ψ_y taken out by (25).
-    channels: Vec<[f64; 3]>,
-}
-
-/// Simulates zero-time moves between dwells, differentiates Z numerically at the start of each
-/// dwell, and reconstructs by (15)–(17) and (25).
-fn simulate(positions: &[Position], dwell_s: f64) -> Truth {
-    let omega = earth_rate_n(Angle::from_deg(28.2).rad());
-    let mut random = Random(17);
-    let mut rate = |limit: f64| AngularRate::from_deg_per_h(random.between(-limit, limit));
-    let coefficients = CoefficientVector::from_fn(|_, _| rate(12.0).rad_per_s());
-    let mut psi_n = Vector3::new(0.1, -0.08, 0.05).map(|deg| Angle::from_deg(deg).rad());
-    let mut change_of_psi_y = 0.0;
-    let mut channels = Vec::new();
-    for position in positions {
-        let now = Levelled {
-            earth_rate_n: omega,
-            psi_n,
-            epsilon_n: drift_matrix(&position.attitude()) * coefficients,
-        };
-        let z = |t: f64| now.after(t).measurement();
-        let h = 60.0;
-        let jet = MeasurementJet {
-            z_n: z(0.0),
-            z_rate_n: (8.0 * (z(h) - z(-h)) - (z(2.0 * h) - z(-2.0 * h))) / (12.0 * h),
-            z_acceleration_n: (16.0 * (z(h) + z(-h)) - (z(2.0 * h) + z(-2.0 * h)) - 30.0 * z(0.0))
-                / (12.0 * h * h),
-        };
-        let found = Reconstruction::new(&omega, jet);
-        let epsilon_y = found.epsilon_y().unwrap();
-        let mixed = -found.azimuth_minus_drift() + omega[0] * change_of_psi_y;
-        channels.push([found.epsilon_x(), mixed, epsilon_y]);
-        // (25) over the dwell: ω_N ∫ψ_z + ε_y t, ψ_z from Z itself by (14), Simpson's rule.
-        let panels = 40;
-        let width = dwell_s / f64::from(panels);
-        let psi_z = |k: i32| z(f64::from(k) * width).x;
-        let integral: f64 = (0..panels)
-            .step_by(2)
-            .map(|k| width / 3.0 * (psi_z(k) + 4.0 * psi_z(k + 1) + psi_z(k + 2)))
-            .sum();
-        change_of_psi_y += omega[0] * integral + epsilon_y * dwell_s;
-        let dynamics = ErrorDynamics::new(omega);
-        psi_n = dynamics.transition(dwell_s) * psi_n + dynamics.integral(dwell_s) * now.epsilon_n;
-    }
-    assert!((psi_n[UP]).abs() > 0.0 && (psi_n[EAST]).abs() > 0.0);
-    Truth {
-        coefficients,
-        channels,
-    }
-}
-
-#[test]
-fn the_reconstructions_give_the_coefficients_of_a_noise_free_test() {
-    let platform = PlatformConfig::default().check().unwrap();
-    let model = CovarianceModel::new(&platform);
-    let mut random = Random(19);
-    for positions in [
-        StandardScheme::Axis24.positions(),
-        StandardScheme::Icosahedron12.positions(),
-        random_positions(&mut random, 6),
-        random_positions(&mut random, 14),
-    ] {
-        let truth = simulate(&positions, 900.0);
-        let timeline = Timeline::new(&platform, &held(&positions, 900.0)).unwrap();
-        let o = Observability::analyze(&model, &timeline).unwrap();
-        for c in D::ALL {
-            let combination = Combination::single(c);
-            let solution = Solution::find(&model, &timeline, &o, &combination).unwrap();
-            let found: f64 = solution
-                .terms
-                .iter()
-                .map(|t| {
-                    let [x, z, y] = truth.channels[t.position];
-                    t.weight
-                        * match t.channel {
-                            Channel::X => x,
-                            Channel::Z => z,
-                            Channel::Y => y,
-                            Channel::Azimuth => panic!("a slewing platform has no such channel"),
-                        }
-                })
-                .sum();
-            let error = AngularRate::from_rad_per_s(found - truth.coefficients[c.index()]);
-            let gain: f64 = solution.terms.iter().map(|t| t.weight.abs()).sum();
-            let error = error.deg_per_h().abs() / gain.max(1.0);
-            // What the finite differences of Z leave, in °/h.
-            assert!(error < 1e-4, "{}: {error:e}", c.name());
-        }
-    }
 }
 
 // ---------------------------------------------------------------- what to add

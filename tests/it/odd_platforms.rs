@@ -2,6 +2,7 @@
 //! with a refusal that is proven; never with an error of another kind.
 
 use rayon::prelude::*;
+use scheme_opt::internals::analysis::Unobservable;
 use scheme_opt::internals::commands::CommandTable;
 use scheme_opt::internals::config::{
     CheckedConfig, CriterionKind, Mode, PerCoefficient, StudyConfig,
@@ -9,7 +10,6 @@ use scheme_opt::internals::config::{
 use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::evaluate::Evaluator;
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::observability::Unobservable;
 use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, Platform, Repositioning};
 use scheme_opt::internals::schedule::Schedule;
 use scheme_opt::internals::search::front::front;

@@ -12,7 +12,9 @@ use scheme_opt::internals::platform::PlatformConfig;
 use scheme_opt::internals::schedule::standard::StandardScheme;
 use scheme_opt::internals::search::front::front;
 use scheme_opt::internals::search::shortest::shortest;
-use scheme_opt::internals::search::{Control, SearchOutcome, SearchProblem, Status, search};
+use scheme_opt::internals::search::{
+    Control, EnoughTime, Reason, SearchOutcome, SearchProblem, Status, search,
+};
 
 fn evaluator(objective: Objective, change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
     let mut config = PlatformConfig::default();
@@ -150,7 +152,10 @@ fn separability_can_be_asked_for() {
     let at_pole = evaluator(asking(0.1), |c| c.site.latitude_deg = 90.0);
     let impossible = run(&at_pole, &problem);
     assert_eq!(impossible.status, Status::Infeasible);
-    assert!(impossible.reason.contains("0.1"), "{}", impossible.reason);
+    let Reason::SeparabilityMissed { minimum, nearest } = impossible.reason else {
+        panic!("{}", impossible.reason);
+    };
+    assert!(minimum == 0.1 && nearest < 0.1, "{nearest}");
     // Two positions cannot separate twelve coefficients either.
     let few = SearchProblem {
         max_positions: 2,
@@ -311,7 +316,15 @@ fn shortest_and_most_accurate_agree() {
     };
     let missed = shortest(&evaluator, &hasty, &control).unwrap();
     assert_eq!(missed.status, Status::Infeasible);
-    assert!(missed.reason.contains("can be met in"), "{}", missed.reason);
+    let words = missed.reason.to_string();
+    let Reason::NotInTime { enough, .. } = missed.reason else {
+        panic!("{words}");
+    };
+    assert!(
+        matches!(enough, EnoughTime::Found(t) if t > hasty.total_time_s),
+        "{enough:?}"
+    );
+    assert!(words.contains("can be met in"), "{words}");
 }
 
 #[test]

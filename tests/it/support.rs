@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::platform::PlatformConfig;
-use scheme_opt::internals::schedule::Schedule;
+use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use serde_json::Value;
 
 /// A schedule with the covariance that an independent dense Kalman filter found.
@@ -86,4 +86,16 @@ impl Random {
         let mut angle = || self.between(-180.0, 180.0);
         Position::from_deg(angle(), angle(), angle())
     }
+}
+
+/// The positions in turn, each held as long.
+pub fn held(positions: &[Position], dwell_s: f64) -> Schedule {
+    let held = positions
+        .iter()
+        .map(|p| ScheduledPosition::new(*p, dwell_s));
+    Schedule::new(held.collect()).unwrap()
+}
+
+pub fn random_positions(random: &mut Random, count: usize) -> Vec<Position> {
+    (0..count).map(|_| random.position()).collect()
 }

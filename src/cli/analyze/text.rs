@@ -6,12 +6,12 @@ use crate::cli::table::render;
 use crate::drift::DriftCoefficient;
 use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
-use crate::report::numbers::{number, optional, seconds, separability};
 use crate::report::words;
 use crate::results::{
     AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, StandingRecord,
     SuggestionRecord,
 };
+use crate::wording::{number, optional, seconds, separability};
 
 /// Positions whose excitations fit into a line.
 const COLUMNS: usize = 22;

@@ -3,11 +3,11 @@
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
 use crate::cli::table::render;
-use crate::report::numbers::{number, optional, seconds};
 use crate::report::words;
 use crate::results::{SimulationDocument, SweepRecord};
 use crate::simulate::consistency::Consistency;
 use crate::simulate::{SweepPoint, largest_without_optimism};
+use crate::wording::{number, optional, seconds};
 
 /// The whole report; `swept` as in the document.
 pub(super) fn simulation(document: &SimulationDocument, swept: &[SweepPoint]) -> String {

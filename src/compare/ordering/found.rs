@@ -4,7 +4,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Orders, Rated, SAME};
+use super::orders::{Orders, Rated, SAME};
 
 /// Random orders that a descent begins at, besides the given one.
 const RANDOM_ORDERS: usize = 4;

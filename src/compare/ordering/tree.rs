@@ -15,17 +15,15 @@
 //! start of the batch and what the prefix itself has found, so that the steps made, and with
 //! them where a limit ends them, do not depend on the number of threads.
 
-mod roads;
-
 use rayon::prelude::*;
 
+use super::orders::{Orders, Rated, SAME};
+use super::roads::{Hops, Roads};
 use super::upper::Upper;
-use super::{Orders, Rated, SAME};
 use crate::covariance::Rooted;
 use crate::covariance::link::Reached;
 use crate::criterion::Smoothing;
 use crate::drift::CoefficientMatrix;
-pub(super) use roads::{Hops, Roads};
 
 /// Prefixes worked on before the best order is settled between them.
 const BATCH: usize = 24;

@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use nalgebra::{Cholesky, SMatrix, SVector};
 use rayon::prelude::*;
 
-use super::tree::{Hops, Roads};
+use super::roads::{Hops, Roads};
 use crate::covariance::fast::cuts::Rest;
 use crate::covariance::link::{Link, Reached};
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftMatrix};

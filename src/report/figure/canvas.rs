@@ -22,7 +22,7 @@ use super::Dash;
 /// Units of the plotting crate per pixel: its coordinates are whole numbers.
 pub(crate) const UNITS: f64 = 10.0;
 
-type Drawn = Result<(), DrawingErrorKind<Infallible>>;
+type Written = Result<(), DrawingErrorKind<Infallible>>;
 
 /// The pen that is shared between the canvas and whoever draws on it: markup that the plotting
 /// crate does not know, and the pattern of the next lines.
@@ -69,7 +69,7 @@ impl Canvas {
         (canvas.into_drawing_area(), ink)
     }
 
-    fn element(&self, text: std::fmt::Arguments<'_>) -> Drawn {
+    fn element(&self, text: std::fmt::Arguments<'_>) -> Written {
         // Writing to a string cannot fail.
         let _ = self.ink.text.borrow_mut().write_fmt(text);
         Ok(())
@@ -156,15 +156,15 @@ impl DrawingBackend for Canvas {
         self.size
     }
 
-    fn ensure_prepared(&mut self) -> Drawn {
+    fn ensure_prepared(&mut self) -> Written {
         Ok(())
     }
 
-    fn present(&mut self) -> Drawn {
+    fn present(&mut self) -> Written {
         Ok(())
     }
 
-    fn draw_pixel(&mut self, (x, y): BackendCoord, color: BackendColor) -> Drawn {
+    fn draw_pixel(&mut self, (x, y): BackendCoord, color: BackendColor) -> Written {
         self.draw_rect((x, y), (x + 1, y + 1), &color, true)
     }
 
@@ -173,7 +173,7 @@ impl DrawingBackend for Canvas {
         from: BackendCoord,
         to: BackendCoord,
         style: &S,
-    ) -> Drawn {
+    ) -> Written {
         self.draw_path([from, to], style)
     }
 
@@ -183,7 +183,7 @@ impl DrawingBackend for Canvas {
         (x1, y1): BackendCoord,
         style: &S,
         fill: bool,
-    ) -> Drawn {
+    ) -> Written {
         if style.color().alpha == 0.0 {
             return Ok(());
         }
@@ -204,7 +204,7 @@ impl DrawingBackend for Canvas {
         &mut self,
         points: I,
         style: &S,
-    ) -> Drawn {
+    ) -> Written {
         if style.color().alpha == 0.0 {
             return Ok(());
         }
@@ -221,7 +221,7 @@ impl DrawingBackend for Canvas {
         radius: u32,
         style: &S,
         fill: bool,
-    ) -> Drawn {
+    ) -> Written {
         let look = match fill {
             true => filled(style),
             false => stroke(style, self.dash()),
@@ -238,7 +238,7 @@ impl DrawingBackend for Canvas {
         &mut self,
         points: I,
         style: &S,
-    ) -> Drawn {
+    ) -> Written {
         self.element(format_args!(
             "<path d=\"{}Z\"{}/>\n",
             path(points),
@@ -246,7 +246,12 @@ impl DrawingBackend for Canvas {
         ))
     }
 
-    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, at: BackendCoord) -> Drawn {
+    fn draw_text<S: BackendTextStyle>(
+        &mut self,
+        text: &str,
+        style: &S,
+        at: BackendCoord,
+    ) -> Written {
         let anchor = style.anchor();
         let horizontal = match anchor.h_pos {
             HPos::Left => "",

@@ -30,9 +30,11 @@ const TICKS: usize = 5;
 const GRID: RGBColor = RGBColor(0xDD, 0xDD, 0xDD);
 const FRAME: RGBColor = RGBColor(0x33, 0x33, 0x33);
 
-type Area = DrawingArea<Canvas, Shift>;
+/// What is drawn on.
+pub(crate) type Area = DrawingArea<Canvas, Shift>;
 type Chart<'a, Y> = ChartContext<'a, Canvas, Cartesian2d<RangedCoordf64, Y>>;
-type Drawn = Result<(), DrawingAreaErrorKind<std::convert::Infallible>>;
+/// That something has been drawn.
+pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::convert::Infallible>>;
 
 /// Units of the plotting crate.
 pub(crate) fn units(px: f64) -> i32 {
@@ -50,62 +52,64 @@ pub(crate) fn line(color: RGBColor, width: f64) -> ShapeStyle {
     ShapeStyle::from(&color).stroke_width((width * UNITS).round() as u32)
 }
 
-/// The whole figure as an SVG document.
-pub(super) fn figure(figure: &Figure) -> String {
-    let [width, height] = figure.panel_size;
-    let columns = figure.columns.min(figure.panels.len().max(1));
-    let rows = figure.panels.len().div_ceil(columns);
-    let title = figure.title.as_ref().map_or(0.0, |_| TITLE);
-    let full_width = width * columns as f64;
-    let legend = Legend::new(figure, full_width);
-    let head = title + legend.height();
-    let full_height = head + height * rows as f64;
-    let (area, ink) = Canvas::area(full_width, full_height);
-    let drawn = || -> Drawn {
-        if let Some(title) = &figure.title {
-            let style = text(14.0, Pos::new(HPos::Center, VPos::Center));
-            let at = (units(0.5 * full_width), units(0.5 * TITLE));
-            area.draw(&Text::new(title.as_str(), at, style))?;
-        }
-        legend.draw(&area, &ink, title)?;
-        for (i, panel) in figure.panels.iter().enumerate() {
-            let x = width * (i % columns) as f64;
-            let y = head + height * (i / columns) as f64;
-            let cell = area.clone().shrink(
-                (units(x), units(y)),
-                (units(width) as u32, units(height) as u32),
-            );
-            draw_panel(&cell, &ink, panel, &format!("{}c{i}", figure.id))?;
-        }
-        Ok(())
-    };
-    let drawn = drawn();
-    // Text cannot refuse to be written, and the layout is our own.
-    debug_assert!(drawn.is_ok(), "{drawn:?}");
-    document(&ink, full_width, full_height, &figure.label)
+impl Figure {
+    /// The figure as an SVG document.
+    pub fn to_svg(&self) -> String {
+        let [width, height] = self.panel_size;
+        let columns = self.columns.min(self.panels.len().max(1));
+        let rows = self.panels.len().div_ceil(columns);
+        let title = self.title.as_ref().map_or(0.0, |_| TITLE);
+        let full_width = width * columns as f64;
+        let legend = Legend::new(self, full_width);
+        let head = title + legend.height();
+        let full_height = head + height * rows as f64;
+        let (area, ink) = Canvas::area(full_width, full_height);
+        let drawn = || -> Drawn {
+            if let Some(title) = &self.title {
+                let style = text(14.0, Pos::new(HPos::Center, VPos::Center));
+                let at = (units(0.5 * full_width), units(0.5 * TITLE));
+                area.draw(&Text::new(title.as_str(), at, style))?;
+            }
+            legend.draw(&area, &ink, title)?;
+            for (i, panel) in self.panels.iter().enumerate() {
+                let x = width * (i % columns) as f64;
+                let y = head + height * (i / columns) as f64;
+                let cell = area.clone().shrink(
+                    (units(x), units(y)),
+                    (units(width) as u32, units(height) as u32),
+                );
+                draw_panel(&cell, &ink, panel, &format!("{}c{i}", self.id))?;
+            }
+            Ok(())
+        };
+        let drawn = drawn();
+        // Text cannot refuse to be written, and the layout is our own.
+        debug_assert!(drawn.is_ok(), "{drawn:?}");
+        document(&ink, full_width, full_height, &self.label)
+    }
 }
 
 /// Every label once, in the order of appearance, in as many lines as it takes.
 struct Legend<'a> {
-    entries: Vec<(&'a str, Sample, [f64; 2])>,
+    entries: Vec<(&'a str, LegendSample, [f64; 2])>,
     lines: usize,
 }
 
 /// What stands before a label of the legend.
 #[derive(Clone, Copy)]
-enum Sample {
+enum LegendSample {
     Line(Style),
     Area(Color),
 }
 
 impl<'a> Legend<'a> {
     fn new(figure: &'a Figure, width: f64) -> Self {
-        let mut all: Vec<(&str, Sample)> = Vec::new();
+        let mut all: Vec<(&str, LegendSample)> = Vec::new();
         for panel in &figure.panels {
             let curves = panel.curves.iter();
-            let curves = curves.map(|c| (c.label.as_str(), Sample::Line(c.style)));
+            let curves = curves.map(|c| (c.label.as_str(), LegendSample::Line(c.style)));
             let bands = panel.bands.iter();
-            let bands = bands.map(|b| (b.label.as_str(), Sample::Area(b.color)));
+            let bands = bands.map(|b| (b.label.as_str(), LegendSample::Area(b.color)));
             for (label, sample) in curves.chain(bands) {
                 if !label.is_empty() && !all.iter().any(|(known, _)| *known == label) {
                     all.push((label, sample));
@@ -114,7 +118,7 @@ impl<'a> Legend<'a> {
         }
         // About 6 px a character at this size, 34 px of sample, 16 px of space.
         let length = |label: &str| 50.0 + 6.0 * label.chars().count() as f64;
-        let mut lines: Vec<Vec<(&str, Sample)>> = Vec::new();
+        let mut lines: Vec<Vec<(&str, LegendSample)>> = Vec::new();
         let mut room = 0.0;
         for (label, sample) in all {
             if length(label) > room {
@@ -148,13 +152,13 @@ impl<'a> Legend<'a> {
             let y = top + y;
             let (from, to) = ((units(*x), units(y)), (units(x + 28.0), units(y)));
             match sample {
-                Sample::Line(style) => {
+                LegendSample::Line(style) => {
                     ink.set_dash(style.dash);
                     let style = line(style.color.rgb(), style.width);
                     area.draw(&PathElement::new(vec![from, to], style))?;
                     ink.set_dash(Dash::Solid);
                 }
-                Sample::Area(color) => {
+                LegendSample::Area(color) => {
                     let corners = [(from.0, units(y - 5.0)), (to.0, units(y + 5.0))];
                     area.draw(&Rectangle::new(corners, color.rgb().mix(0.25).filled()))?;
                 }

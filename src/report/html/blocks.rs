@@ -33,7 +33,7 @@ pub(super) enum Block {
     Text(String),
     /// Sentences that stand by themselves.
     List(Vec<String>),
-    Table(Table),
+    Table(HtmlTable),
     /// Pictures side by side where there is room: caption and SVG.
     Pictures(Vec<(String, String)>),
     /// One wide picture.
@@ -51,13 +51,13 @@ pub(super) enum Block {
 }
 
 /// A table: the first column names the rows.
-pub(super) struct Table {
+pub(super) struct HtmlTable {
     pub caption: String,
     pub columns: Vec<String>,
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl HtmlTable {
     pub fn new(caption: &str, columns: &[&str], rows: Vec<Vec<String>>) -> Self {
         Self {
             caption: caption.to_owned(),

@@ -1,7 +1,5 @@
 //! Pictures without axes: gravity on the sphere, correlations as a map of colours.
 
-use plotters::coord::Shift;
-use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
 use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, RGBColor};
@@ -9,14 +7,11 @@ use plotters::style::{Color as _, RGBColor};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftCoefficient};
 use crate::motion::Move;
 use crate::report::figure::canvas::{Canvas, Ink, document};
-use crate::report::figure::draw::{line, shape, text, units};
+use crate::report::figure::draw::{Area, Drawn, line, shape, text, units};
 use crate::report::figure::{Color, Dash, Shape};
 
 use super::pictures::gravity;
 use super::subject::{Sense, Subject};
-
-type Drawn = Result<(), DrawingAreaErrorKind<std::convert::Infallible>>;
-type Area = DrawingArea<Canvas, Shift>;
 
 const GRID: RGBColor = RGBColor(0xDD, 0xDD, 0xDD);
 const FRAME: RGBColor = RGBColor(0x33, 0x33, 0x33);

@@ -6,9 +6,9 @@ use crate::motion::{Leg, Move};
 use crate::report::figure::{
     Band, Color, Curve, Dash, Figure, Mark, Panel, Scale, Shape, Span, Style,
 };
-use crate::report::numbers::{number, seconds};
 use crate::results::{ParetoRecord, ScoreRecord, SimulationDocument};
 use crate::units::Angle;
+use crate::wording::{number, seconds};
 
 use super::subject::Subject;
 

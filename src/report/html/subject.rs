@@ -1,12 +1,12 @@
 //! What a page is about: a schedule on a platform, with everything that is known of it.
 
+use crate::analysis::Analysis;
 use crate::commands::CommandTable;
 use crate::config::{CheckedConfig, StudyConfig};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
-use crate::observability::analysis::Analysis;
 use crate::results::{AnalysisDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;

@@ -1,9 +1,8 @@
 //! The tables of a page.
 
 use crate::commands::{Segment, clock};
-use crate::compare::Order;
+use crate::compare::PositionOrder;
 use crate::platform::Repositioning;
-use crate::report::numbers::{number, optional, seconds, separability};
 use crate::report::words;
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
@@ -11,8 +10,9 @@ use crate::results::{
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
+use crate::wording::{number, optional, seconds, separability};
 
-use super::blocks::Table;
+use super::blocks::HtmlTable;
 use super::pictures::gravity;
 use super::subject::{Sense, Subject};
 
@@ -28,7 +28,7 @@ fn ratio(value: Option<f64>) -> String {
 }
 
 /// The positions, how each is reached and how gravity lies there.
-pub(super) fn positions(subject: &Subject) -> Table {
+pub(super) fn positions(subject: &Subject) -> HtmlTable {
     let held = subject.timeline.positions();
     let times = subject.leg_times_s();
     let frame_hold = subject.study.platform().motion().repositioning == Repositioning::FrameHold;
@@ -61,7 +61,7 @@ pub(super) fn positions(subject: &Subject) -> Table {
             Sense::of(g).name().to_owned(),
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Positions in order",
         &[
             "#",
@@ -80,7 +80,7 @@ pub(super) fn positions(subject: &Subject) -> Table {
 }
 
 /// What the stand is told, one row for each move, settle and dwell.
-pub(super) fn commands(subject: &Subject) -> Table {
+pub(super) fn commands(subject: &Subject) -> HtmlTable {
     let all = subject.commands.commands();
     let mut rows = Vec::new();
     let same = |a: &&[crate::commands::Command]| a.len();
@@ -120,7 +120,7 @@ pub(super) fn commands(subject: &Subject) -> Table {
             if first.measured { "yes" } else { "no" }.to_owned(),
         ]);
     }
-    Table::new(
+    HtmlTable::new(
         "Commands, a row for each move, settle and dwell",
         &[
             "clock",
@@ -153,7 +153,7 @@ fn platform_rate(command: &crate::commands::Command) -> String {
 }
 
 /// σ before and after, and the specification.
-pub(super) fn accuracy(subject: &Subject) -> Table {
+pub(super) fn accuracy(subject: &Subject) -> HtmlTable {
     let rows = subject.document.coefficients.iter().map(|c| {
         let met = match (c.spec_deg_per_h, c.time_to_spec_s) {
             (None, _) => NONE.to_owned(),
@@ -169,7 +169,7 @@ pub(super) fn accuracy(subject: &Subject) -> Table {
             met,
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Coefficients after the test, 1σ, °/h (D_I, D_O, D_S: °/h per g)",
         &[
             "coefficient",
@@ -184,11 +184,11 @@ pub(super) fn accuracy(subject: &Subject) -> Table {
 }
 
 /// The misalignment at the end.
-pub(super) fn misalignment(subject: &Subject) -> Table {
+pub(super) fn misalignment(subject: &Subject) -> HtmlTable {
     let names = ["North", "Up", "East"];
     let rows = subject.document.misalignment.iter().zip(names);
     let rows = rows.map(|(m, axis)| vec![format!("{} ({axis})", m.name), number(m.sigma_arcsec)]);
-    Table::new(
+    HtmlTable::new(
         "Misalignment at the end of the test, 1σ",
         &["about", "arcsec"],
         rows.collect(),
@@ -196,7 +196,7 @@ pub(super) fn misalignment(subject: &Subject) -> Table {
 }
 
 /// Orders and separability.
-pub(super) fn observability(subject: &Subject) -> Table {
+pub(super) fn observability(subject: &Subject) -> HtmlTable {
     let analysed = &subject.analysis.coefficients;
     let rows = subject
         .document
@@ -212,7 +212,7 @@ pub(super) fn observability(subject: &Subject) -> Table {
                 separability(c.separability),
             ]
         });
-    Table::new(
+    HtmlTable::new(
         "Observability of the coefficients",
         &[
             "coefficient",
@@ -226,7 +226,7 @@ pub(super) fn observability(subject: &Subject) -> Table {
 }
 
 /// The combinations that are known worst.
-pub(super) fn weak(subject: &Subject) -> Table {
+pub(super) fn weak(subject: &Subject) -> HtmlTable {
     let rows = subject.analysis.weak.iter().take(4).map(|w| {
         let [x, z, y] = w.shares.map(|s| format!("{:.0} %", 100.0 * s));
         vec![
@@ -235,7 +235,7 @@ pub(super) fn weak(subject: &Subject) -> Table {
             format!("{x}, {z}, {y}"),
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Combinations known worst, of length one",
         &[
             "combination",
@@ -247,14 +247,14 @@ pub(super) fn weak(subject: &Subject) -> Table {
 }
 
 /// The strongest correlations.
-pub(super) fn correlations(subject: &Subject) -> Table {
+pub(super) fn correlations(subject: &Subject) -> HtmlTable {
     let rows = subject.analysis.correlations.estimates.iter().map(|c| {
         vec![
             format!("{} and {}", c.a.name(), c.b.name()),
             format!("{:.4}", c.correlation).replace('-', "−"),
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Strongest correlations of the estimates",
         &["pair", "correlation"],
         rows.collect(),
@@ -262,7 +262,7 @@ pub(super) fn correlations(subject: &Subject) -> Table {
 }
 
 /// The standard schemes beside this schedule.
-pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Table {
+pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> HtmlTable {
     let d = &subject.document;
     let with_criterion = d.score.criterion_name != "a";
     let this = BaselineRecord {
@@ -290,7 +290,7 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Tabl
     if with_criterion {
         columns.extend([criterion.as_str(), "its ratio"]);
     }
-    Table::new(
+    HtmlTable::new(
         "Standard schemes in the same time",
         &columns,
         rows.collect(),
@@ -298,7 +298,7 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Tabl
 }
 
 /// The points of the front.
-pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> Table {
+pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> HtmlTable {
     let rows = front.iter().map(|p| {
         vec![
             seconds(p.total_time_s),
@@ -313,7 +313,7 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> Table {
         _ => ", °/h",
     };
     let criterion = format!("criterion {}{unit}", score.criterion_name);
-    Table::new(
+    HtmlTable::new(
         "The front: every point is a schedule that the stand can run",
         &[
             "total time, s",
@@ -327,7 +327,7 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> Table {
 }
 
 /// Errors of the simulated runs.
-pub(super) fn simulated(d: &SimulationDocument) -> Table {
+pub(super) fn simulated(d: &SimulationDocument) -> HtmlTable {
     let mut rows: Vec<Vec<String>> = d
         .coefficients
         .iter()
@@ -350,7 +350,7 @@ pub(super) fn simulated(d: &SimulationDocument) -> Table {
             optional(m.ratio, |r| format!("{r:.3}")),
         ]
     }));
-    Table::new(
+    HtmlTable::new(
         "Errors at the end of the simulated runs",
         &[
             "state",
@@ -364,7 +364,7 @@ pub(super) fn simulated(d: &SimulationDocument) -> Table {
 }
 
 /// Errors of the simulated runs against the specification.
-pub(super) fn specification(check: &SpecificationCheck) -> Table {
+pub(super) fn specification(check: &SpecificationCheck) -> HtmlTable {
     let rows = check.coefficients.iter().map(|c| {
         vec![
             c.name.name().to_owned(),
@@ -375,7 +375,7 @@ pub(super) fn specification(check: &SpecificationCheck) -> Table {
             c.decision.to_string(),
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Errors of the simulated runs against the specification",
         &[
             "coefficient",
@@ -390,7 +390,7 @@ pub(super) fn specification(check: &SpecificationCheck) -> Table {
 }
 
 /// Averages of the normalised squares, with their bounds.
-pub(super) fn consistency(d: &SimulationDocument) -> Table {
+pub(super) fn consistency(d: &SimulationDocument) -> HtmlTable {
     let row = |name: String, c: &Option<Consistency>| match c {
         None => vec![name, NONE.into(), NONE.into(), NONE.into(), NONE.into()],
         Some(c) => vec![
@@ -415,7 +415,7 @@ pub(super) fn consistency(d: &SimulationDocument) -> Table {
         );
         rows.push(row(name, &p.nees));
     }
-    Table::new(
+    HtmlTable::new(
         "Consistency of the filter",
         &["average of", "expected", "found", "95 % bounds", "it is"],
         rows,
@@ -423,7 +423,7 @@ pub(super) fn consistency(d: &SimulationDocument) -> Table {
 }
 
 /// Consistency against the size of the prior.
-pub(super) fn sweep(d: &SimulationDocument) -> Table {
+pub(super) fn sweep(d: &SimulationDocument) -> HtmlTable {
     let rows = d.sweep.iter().map(|s| {
         vec![
             number(s.misalignment_deg),
@@ -434,7 +434,7 @@ pub(super) fn sweep(d: &SimulationDocument) -> Table {
             number(s.rms_largest_misalignment_deg),
         ]
     });
-    Table::new(
+    HtmlTable::new(
         "Prior against linearisation",
         &[
             "misalignment, °",
@@ -449,7 +449,7 @@ pub(super) fn sweep(d: &SimulationDocument) -> Table {
 }
 
 /// Schedules side by side.
-pub(super) fn compared(d: &ComparisonDocument) -> Table {
+pub(super) fn compared(d: &ComparisonDocument) -> HtmlTable {
     let has_spec = d.schedules.iter().any(|s| s.time_to_spec_s.is_some());
     let with_criterion = d.criterion_name != "a";
     let rows = d.schedules.iter().map(|s| {
@@ -489,7 +489,7 @@ pub(super) fn compared(d: &ComparisonDocument) -> Table {
     if has_spec {
         columns.push("in specification, s");
     }
-    Table::new(
+    HtmlTable::new(
         "Schedules side by side, ratios to the first",
         &columns,
         rows.collect(),
@@ -497,7 +497,7 @@ pub(super) fn compared(d: &ComparisonDocument) -> Table {
 }
 
 /// σ of every coefficient by every schedule.
-pub(super) fn compared_coefficients(d: &ComparisonDocument) -> Table {
+pub(super) fn compared_coefficients(d: &ComparisonDocument) -> HtmlTable {
     let mut columns = vec!["schedule"];
     if let Some(first) = d.schedules.first() {
         columns.extend(first.coefficients.iter().map(|c| c.name.name()));
@@ -511,7 +511,7 @@ pub(super) fn compared_coefficients(d: &ComparisonDocument) -> Table {
         );
         row
     });
-    Table::new(
+    HtmlTable::new(
         "Coefficients after the test, 1σ, 10⁻³ °/h (D_I, D_O, D_S per g)",
         &columns,
         rows.collect(),
@@ -520,9 +520,9 @@ pub(super) fn compared_coefficients(d: &ComparisonDocument) -> Table {
 
 /// Name of a compared schedule, with the order of its positions where it is not its own.
 pub(super) fn name(name: &str, order: &str) -> String {
-    match Order::from_name(order) {
-        Some(Order::Best) => format!("{name}, best order (proven)"),
-        Some(Order::BestFound) => format!("{name}, best order found"),
-        Some(Order::AsGiven) | None => name.to_owned(),
+    match PositionOrder::from_name(order) {
+        Some(PositionOrder::Best) => format!("{name}, best order (proven)"),
+        Some(PositionOrder::BestFound) => format!("{name}, best order found"),
+        Some(PositionOrder::AsGiven) | None => name.to_owned(),
     }
 }

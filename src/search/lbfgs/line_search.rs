@@ -22,7 +22,7 @@ const SHRINKS_TO: f64 = 0.66;
 
 /// Value and slope along the line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Slope {
+pub(super) struct LinePoint {
     pub value: f64,
     pub slope: f64,
 }
@@ -60,7 +60,7 @@ pub(super) enum Next {
 /// A search on its way; the first step to try is 1.
 #[derive(Debug, Clone)]
 pub(super) struct LineSearch {
-    start: Slope,
+    start: LinePoint,
     /// The best step so far, an end of the interval.
     best: End,
     /// The other end.
@@ -78,7 +78,7 @@ pub(super) struct LineSearch {
 
 impl LineSearch {
     /// From a point with this value and slope, which is negative.
-    pub fn new(start: Slope) -> Self {
+    pub fn new(start: LinePoint) -> Self {
         let end = End {
             step: 0.0,
             value: start.value,
@@ -98,7 +98,7 @@ impl LineSearch {
     }
 
     /// Takes what was found at the step to try; finite, or none.
-    pub fn next(&mut self, found: Option<Slope>) -> Next {
+    pub fn next(&mut self, found: Option<LinePoint>) -> Next {
         let Some(found) = found else {
             return self.shorter();
         };
@@ -311,7 +311,7 @@ mod tests {
     fn accepted(line: Line, scale: f64, wall: f64) -> Option<f64> {
         let at = |t: f64| {
             let (value, slope) = line(t * scale);
-            Slope {
+            LinePoint {
                 value,
                 slope: slope * scale,
             }

@@ -11,7 +11,7 @@
 
 use argmin::core::{Error, Executor, IterState, KV, Problem, Solver, State, TerminationReason};
 
-use super::{Lbfgs, Minimised, Progress};
+use super::{Advance, Lbfgs, Minimised};
 use crate::search::termination::Termination;
 
 /// What argmin knows of a minimisation on its way. The gradient stays in the solver, which needs it
@@ -19,7 +19,7 @@ use crate::search::termination::Termination;
 pub(super) type Iterate = IterState<Vec<f64>, (), (), (), (), f64>;
 
 /// What is minimised.
-pub(in crate::search) trait Merit {
+pub(in crate::search) trait MeritFunction {
     /// Value and gradient at `x`; none where there are none.
     fn with_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)>;
     /// Whether to stop before the next value is computed.
@@ -27,7 +27,7 @@ pub(in crate::search) trait Merit {
 }
 
 /// The best point that L-BFGS sees from `start` in at most so many iterations.
-pub(in crate::search) fn minimise<M: Merit>(
+pub(in crate::search) fn minimise<M: MeritFunction>(
     merit: &M,
     start: Vec<f64>,
     iterations: u64,
@@ -40,7 +40,7 @@ pub(in crate::search) fn minimise<M: Merit>(
     solver.into_minimised()
 }
 
-impl<M: Merit> Solver<&M, Iterate> for &mut Lbfgs {
+impl<M: MeritFunction> Solver<&M, Iterate> for &mut Lbfgs {
     fn name(&self) -> &str {
         "L-BFGS, Moré–Thuente line search"
     }
@@ -62,8 +62,8 @@ impl<M: Merit> Solver<&M, Iterate> for &mut Lbfgs {
         problem: &mut Problem<&M>,
         state: Iterate,
     ) -> Result<(Iterate, Option<KV>), Error> {
-        let mut progress = Progress::Tries;
-        while progress == Progress::Tries {
+        let mut progress = Advance::Tries;
+        while progress == Advance::Tries {
             progress = match must_stop(problem) {
                 true => self.end(Termination::Stopped),
                 false => self.evaluate(problem)?,
@@ -75,7 +75,7 @@ impl<M: Merit> Solver<&M, Iterate> for &mut Lbfgs {
 
 impl Lbfgs {
     /// Has the point asked for evaluated.
-    fn evaluate<M: Merit>(&mut self, problem: &mut Problem<&M>) -> Result<Progress, Error> {
+    fn evaluate<M: MeritFunction>(&mut self, problem: &mut Problem<&M>) -> Result<Advance, Error> {
         let found = problem.problem("gradient_count", |merit| {
             Ok(merit.with_gradient(self.point()))
         })?;
@@ -89,15 +89,15 @@ impl Lbfgs {
     }
 }
 
-fn must_stop<M: Merit>(problem: &Problem<&M>) -> bool {
+fn must_stop<M: MeritFunction>(problem: &Problem<&M>) -> bool {
     problem.problem.is_some_and(|merit| merit.must_stop())
 }
 
 /// The state with what became of the minimisation, in argmin's words.
-fn reported(state: Iterate, progress: Progress) -> Iterate {
+fn reported(state: Iterate, progress: Advance) -> Iterate {
     match progress {
-        Progress::Tries | Progress::Iterates => state,
-        Progress::Ended(termination) => state.terminate_with(termination.into()),
+        Advance::Tries | Advance::Iterates => state,
+        Advance::Ended(termination) => state.terminate_with(termination.into()),
     }
 }
 

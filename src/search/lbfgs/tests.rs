@@ -8,7 +8,7 @@ use argmin::core::{CostFunction, Error, Executor, Gradient, KV, State, Terminati
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
-use super::solver::{Iterate, Merit, minimise};
+use super::solver::{Iterate, MeritFunction, minimise};
 use super::*;
 
 /// Rosenbrock's valley in many dimensions, a classic for line searches.
@@ -47,7 +47,7 @@ impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Function<F> {
     }
 }
 
-impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> Merit for Function<F> {
+impl<F: Fn(&[f64]) -> Option<(f64, Vec<f64>)>> MeritFunction for Function<F> {
     fn with_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
         self.told.set(self.told.get() + 1);
         (self.of)(x)
@@ -80,7 +80,7 @@ fn stepped(
     for _ in 0..10_000 {
         let found = of(search.point());
         let found = found.as_ref().map(|(value, g)| (*value, g.as_slice()));
-        if let Progress::Ended(termination) = search.tell(found) {
+        if let Advance::Ended(termination) = search.tell(found) {
             let minimised = search.into_minimised();
             assert_eq!(minimised.ended.termination, termination);
             return minimised;
@@ -233,7 +233,7 @@ fn with_failures(failures: u64) -> Minimised {
         let fails = search.restarts < failures && !search.pairs.is_empty();
         let (value, gradient) = rosenbrock(search.point());
         let found = (!fails).then_some((value, gradient.as_slice()));
-        if let Progress::Ended(_) = search.tell(found) {
+        if let Advance::Ended(_) = search.tell(found) {
             return search.into_minimised();
         }
     }
@@ -285,12 +285,12 @@ fn it_stops_when_told_to_with_what_it_has() {
 
 /// What an observer of argmin sees.
 #[derive(Default)]
-struct Seen {
+struct Observed {
     costs: Vec<f64>,
     ended: Option<(TerminationReason, u64, u64)>,
 }
 
-struct Watch(Arc<Mutex<Seen>>);
+struct Watch(Arc<Mutex<Observed>>);
 
 impl Observe<Iterate> for Watch {
     fn observe_iter(&mut self, state: &Iterate, _: &KV) -> Result<(), Error> {
@@ -312,7 +312,7 @@ fn argmins_state_and_observers_see_it_fall_and_end() {
         (500, TerminationReason::SolverConverged),
         (12, TerminationReason::MaxItersReached),
     ] {
-        let seen = Arc::new(Mutex::new(Seen::default()));
+        let seen = Arc::new(Mutex::new(Observed::default()));
         let function = Function::new(|x: &[f64]| Some(rosenbrock(x)));
         let mut solver = Lbfgs::new(start(), iterations);
         let done = Executor::new(&function, &mut solver)
@@ -327,7 +327,7 @@ fn argmins_state_and_observers_see_it_fall_and_end() {
         let Minimised { best, ended } = solver.into_minimised();
         assert!(best.unwrap().0 <= cost);
         assert_eq!(gradients, ended.gradients);
-        let Seen { costs, ended } = &*seen.lock().unwrap();
+        let Observed { costs, ended } = &*seen.lock().unwrap();
         assert!(costs.windows(2).all(|w| w[1] <= w[0]), "{costs:?}");
         let (seen_reason, count, most) = ended.clone().unwrap();
         assert_eq!((seen_reason, most), (reason, iterations));

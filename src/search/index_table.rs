@@ -53,14 +53,14 @@ enum Reach {
 
 /// The angles each axis can be set to, rad.
 #[derive(Debug, Clone)]
-pub(super) struct Table {
+pub(super) struct IndexTable {
     angles: [Vec<f64>; 3],
     /// The places by attitude, each with all its triples; empty when there are too many. Worked
     /// out when first wanted: few users of a table ask for them.
     attitudes: OnceLock<Vec<Vec<[f64; 3]>>>,
 }
 
-impl Table {
+impl IndexTable {
     /// The table of `platform`; none without an index step.
     pub fn new(platform: &Platform) -> Option<Self> {
         let settings = |axis| -> Option<Vec<f64>> {
@@ -240,14 +240,18 @@ fn gcd(a: usize, b: usize) -> usize {
 }
 
 /// A start snapped to a coarse table and improved by exchange, its dwells as they come.
-pub(super) fn screen_on_table(context: Context<'_>, table: &Table, plan: &Plan) -> Option<Refined> {
+pub(super) fn screen_on_table(
+    context: Context<'_>,
+    table: &IndexTable,
+    plan: &Plan,
+) -> Option<Refined> {
     let smoothing = context.first_smoothing();
     let snapped = table.placed(context, plan, smoothing)?;
     Some(exchange(context, table, smoothing, Reach::Near, snapped))
 }
 
 /// Work on an index table.
-pub(super) struct OnTable(pub Table);
+pub(super) struct OnTable(pub IndexTable);
 
 impl Workshop for OnTable {
     fn try_out(
@@ -327,7 +331,7 @@ impl OnTable {
 /// more or less is counted at the price of time. The best few are rated in full.
 fn exchange(
     context: Context<'_>,
-    table: &Table,
+    table: &IndexTable,
     smoothing: Smoothing,
     reach: Reach,
     mut current: Refined,
@@ -345,7 +349,7 @@ fn exchange(
 /// One sweep of exchanges.
 fn exchange_once(
     context: Context<'_>,
-    table: &Table,
+    table: &IndexTable,
     smoothing: Smoothing,
     reach: Reach,
     mut current: Refined,
@@ -481,7 +485,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
-    use crate::search::context::Work;
+    use crate::search::context::WorkDone;
     use crate::search::{Control, SearchProblem, search};
 
     fn evaluator() -> Evaluator {
@@ -493,7 +497,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_table_holds_the_24_rotations_of_the_cube() {
         let evaluator = evaluator();
-        let table = Table::new(evaluator.platform()).unwrap();
+        let table = IndexTable::new(evaluator.platform()).unwrap();
         assert_eq!(table.attitudes().len(), 24);
         assert_eq!(table.attitudes().iter().map(Vec::len).sum::<usize>(), 64);
         assert_eq!(table.sample(1000).len(), 64);
@@ -512,7 +516,7 @@ mod tests {
 
     /// Every sequence of `count` of the attitudes, no two the same in a row, with equal dwells.
     fn sequences(context: Context<'_>, count: usize) -> Vec<Refined> {
-        let table = Table::new(context.evaluator.platform()).unwrap();
+        let table = IndexTable::new(context.evaluator.platform()).unwrap();
         let places: Vec<[f64; 3]> = table.attitudes().iter().map(|a| a[0]).collect();
         let n = places.len();
         (0..n.pow(count as u32))
@@ -541,7 +545,7 @@ mod tests {
         /// Sequences whose dwells are allocated.
         const ALLOCATED: usize = 400;
         let evaluator = evaluator();
-        let work = Work::default();
+        let work = WorkDone::default();
         let control = Control::default();
         for count in 1..=4 {
             let problem = SearchProblem {

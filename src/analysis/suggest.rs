@@ -15,15 +15,15 @@
 use nalgebra::{DMatrix, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::Observability;
-use super::combinations::Combination;
-use super::regressor::{Change, Regressor, UNKNOWNS};
-use super::row_space::counts;
 use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
 use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::Observability;
+use crate::observability::combinations::Combination;
+use crate::observability::regressor::{Change, Channel, Regressor, UNKNOWNS};
+use crate::observability::row_space::counts;
 use crate::platform::{Platform, multiples};
 use crate::schedule::{Schedule, ScheduledPosition};
 use crate::units::round_deg;
@@ -212,7 +212,10 @@ impl Prospect {
             names
         } else {
             target.push(worst(&covariance, &trace));
-            vec![Combination::from_array(target[0].into()).rounded(super::weak::NAMED)]
+            vec![
+                Combination::from_array(target[0].into())
+                    .rounded(crate::observability::weak::NAMED),
+            ]
         };
         let held = model.frame_hold.then(|| {
             let legs = timeline.position_legs();
@@ -231,7 +234,7 @@ impl Prospect {
             target,
             names,
             unobservable,
-            weights: super::regressor::dwell_weights(model, dwell_s),
+            weights: crate::observability::regressor::dwell_weights(model, dwell_s),
             azimuth_unknown: regressor.azimuth_unknown,
             held: held.filter(|_| regressor.azimuth_unknown),
         })
@@ -330,7 +333,7 @@ fn covariance(evaluator: &Evaluator, regressor: &Regressor) -> Result<UnknownsMa
         _ => model.prior_sigma[i],
     });
     let mut information = UnknownsMatrix::identity();
-    for row in regressor.weighted(&super::Channel::ALL) {
+    for row in regressor.weighted(&Channel::ALL) {
         let row = Unknowns::from(row).component_mul(&prior);
         information.ger(1.0, &row, &row, 1.0);
     }
@@ -347,7 +350,7 @@ fn unobservable_target(
 ) -> (Vec<Combination>, Vec<Unknowns>) {
     let mut names = Vec::new();
     let mut basis: Vec<Unknowns> = Vec::new();
-    for combination in &observability.unobservable_combinations {
+    for combination in &observability.unobservable {
         let vector = Unknowns::from(*combination.as_array());
         let mut rest = vector - trace * trace.dot(&vector);
         for b in &basis {
@@ -386,7 +389,7 @@ const MOST_EXPLORATIONS: usize = 400;
 const FINEST_DEG: f64 = 1e-3;
 
 /// One gimbal axis: where it may stand, in whole numbers of `unit_deg`.
-struct Axis {
+struct GimbalAxis {
     unit_deg: f64,
     low: i64,
     high: i64,
@@ -394,7 +397,7 @@ struct Axis {
     endless: bool,
 }
 
-impl Axis {
+impl GimbalAxis {
     fn new(platform: &Platform, axis: usize) -> Self {
         let unit_deg = platform.gimbals().step_deg().unwrap_or(FINEST_DEG);
         let range = platform.gimbals().ranges[axis];
@@ -450,7 +453,7 @@ impl Axis {
 
 /// The attitude of largest gain that the gimbals allow, and how many were looked at.
 fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<(Position, usize)> {
-    let axes: [Axis; 3] = std::array::from_fn(|i| Axis::new(platform, i));
+    let axes: [GimbalAxis; 3] = std::array::from_fn(|i| GimbalAxis::new(platform, i));
     let position = |at: [i64; 3]| {
         let deg = |i: usize| axes[i].deg(at[i]);
         Position::from_deg(deg(0), deg(1), deg(2))
@@ -461,7 +464,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
         gain(position(at))
     };
     let mut grid = Vec::new();
-    let grids = axes.each_ref().map(Axis::grid);
+    let grids = axes.each_ref().map(GimbalAxis::grid);
     for &alpha in &grids[0] {
         for &beta in &grids[1] {
             for &gamma in &grids[2] {
@@ -490,7 +493,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
 /// problems*, J. ACM 8(2), 1961): steps along the axes and, after those that gain, further along
 /// the same way, which follows ridges; in ever smaller steps.
 fn pattern_search(
-    axes: &[Axis; 3],
+    axes: &[GimbalAxis; 3],
     start: f64,
     from: [i64; 3],
     value: &mut impl FnMut([i64; 3]) -> f64,
@@ -524,7 +527,7 @@ fn pattern_search(
 
 /// The best of `from` and one step either way along each axis in turn.
 fn explore(
-    axes: &[Axis; 3],
+    axes: &[GimbalAxis; 3],
     from: (f64, [i64; 3]),
     step: i64,
     value: &mut impl FnMut([i64; 3]) -> f64,

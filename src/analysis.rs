@@ -1,22 +1,28 @@
-//! Everything that can be said about what a schedule makes observable.
+//! Everything that can be said about what a schedule makes observable, what it leaves unobservable
+//! though it counts, and what to add to it.
 
-use super::advice::Advice;
-use super::classical::{Gramian, PiecewiseConstant, Units};
-use super::combinations::Combination;
-use super::nearly::Nearly;
-use super::regressor::{Channel, Regressor, RowSource};
-use super::row_space::{RowSpace, counts};
-use super::solution::{NoSolution, Solution};
-use super::suggest::{NoSuggestion, Suggestion};
-use super::weak::{WeakCombination, weak_combinations};
-use super::{Observability, Order};
+pub mod suggest;
+mod unobservable;
+
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::advice::Advice;
+use crate::observability::classical::{Gramian, PiecewiseConstant, Units};
+use crate::observability::combinations::Combination;
+use crate::observability::nearly::Nearly;
+use crate::observability::regressor::{Channel, Regressor, RowSource};
+use crate::observability::row_space::{RowSpace, counts};
+use crate::observability::solution::{NoSolution, Solution};
+use crate::observability::weak::{WeakCombination, weak_combinations};
+use crate::observability::{Observability, Order};
 use crate::schedule::{Schedule, ScheduledPosition};
+use suggest::{NoSuggestion, Suggestion};
+pub(crate) use unobservable::not_observed;
+pub use unobservable::{USEFUL, Unobservable};
 
 /// How many of the strongest correlations are listed.
 const LISTED: usize = 6;
@@ -24,7 +30,7 @@ const LISTED: usize = 6;
 /// A state of the platform or a combination of such states, as the paper's conclusion 1 lists
 /// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum State {
+pub enum PlatformState {
     /// ψ_x^n.
     PsiX,
     /// ψ_y^n.
@@ -43,7 +49,7 @@ pub enum State {
     EpsilonZMinusAzimuth,
 }
 
-impl State {
+impl PlatformState {
     /// All of them.
     pub const ALL: [Self; 8] = [
         Self::PsiX,
@@ -92,7 +98,7 @@ impl State {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StateOrder {
     /// The state.
-    pub state: State,
+    pub state: PlatformState,
     /// Its order within one dwell; none: not observable there.
     pub one_position: Option<Order>,
     /// Its order over the schedule, at the position where it is highest; none: not observable
@@ -285,7 +291,7 @@ pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> [Option<Order>; 8] {
     for order in [Order::Zero, Order::First, Order::Second] {
         rows.extend(&derivatives);
         let space = RowSpace::of(&rows);
-        for (slot, state) in orders.iter_mut().zip(State::ALL) {
+        for (slot, state) in orders.iter_mut().zip(PlatformState::ALL) {
             if slot.is_none() && space.contains(&state.vector(omega_n)) {
                 *slot = Some(order);
             }
@@ -315,7 +321,7 @@ fn states(
     // The highest order of a row of A over the positions.
     let drift = |axis: usize| {
         let mut highest = Some(Order::Zero);
-        let told = |b: &&super::regressor::Block| b.weights[NORTH] > 0.0;
+        let told = |b: &&crate::observability::regressor::RowBlock| b.weights[NORTH] > 0.0;
         for block in regressor.blocks.iter().filter(told) {
             let row = CoefficientVector::from_fn(|j, _| block.a[(axis, j)]);
             let order = observability.order_of(&Combination::from_weights(&row, 0.0));
@@ -323,16 +329,16 @@ fn states(
         }
         highest
     };
-    let states = State::ALL.into_iter().zip(in_a_dwell);
+    let states = PlatformState::ALL.into_iter().zip(in_a_dwell);
     states
         .map(|(state, one_position)| StateOrder {
             state,
             one_position,
             schedule: match state {
-                State::PsiY => azimuth,
-                State::EpsilonX => drift(NORTH),
-                State::EpsilonY => drift(UP),
-                State::EpsilonZ => drift(EAST),
+                PlatformState::PsiY => azimuth,
+                PlatformState::EpsilonX => drift(NORTH),
+                PlatformState::EpsilonY => drift(UP),
+                PlatformState::EpsilonZ => drift(EAST),
                 _ => one_position,
             },
         })
@@ -371,7 +377,9 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalys
             }
         };
         let excited = |c: DriftCoefficient| {
-            let shows = |t: &&&super::regressor::TaggedRow| counts(t.row[c.index()].abs(), 1.0);
+            let shows = |t: &&&crate::observability::regressor::TaggedRow| {
+                counts(t.row[c.index()].abs(), 1.0)
+            };
             held.iter().filter(shows).map(|t| t.channel.order()).min()
         };
         all.push(PositionAnalysis {

@@ -16,18 +16,17 @@
 //! and its time.
 
 use std::f64::consts::TAU;
+use std::fmt;
 
-use serde::{Deserialize, Serialize};
-
-use super::Combination;
-use super::regressor::{Channel, Regressor, UNKNOWNS};
-use super::row_space::{RowSpace, unit};
 use crate::attitude::{EAST, NORTH, NanoDegrees, Position, UP};
 use crate::covariance::CovarianceModel;
 use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix, drift_matrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
+use crate::observability::Combination;
+use crate::observability::regressor::{Channel, Regressor, UNKNOWNS};
+use crate::observability::row_space::{RowSpace, unit};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::Schedule;
 use crate::units::RAD_PER_DEG;
@@ -36,8 +35,8 @@ use crate::units::RAD_PER_DEG;
 pub const USEFUL: f64 = 0.1;
 
 /// The coefficients that count and stay unobservable.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+/// [`fmt::Display`] says which are not acceptable; nothing where none is.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Unobservable {
     /// Those that no schedule on this stand can observe.
     pub on_this_stand: Vec<DriftCoefficient>,
@@ -45,9 +44,9 @@ pub struct Unobservable {
     pub by_this_schedule: Vec<DriftCoefficient>,
     /// Those of either sort that `objective.accept_unobservable` names; in neither list above.
     pub accepted: Vec<DriftCoefficient>,
-    /// The combinations that no schedule on this stand can observe, by name; empty where every
-    /// coefficient that counts can be.
-    pub combinations: Vec<String>,
+    /// The combinations that no schedule on this stand can observe; empty where every coefficient
+    /// that counts can be.
+    pub combinations: Vec<Combination>,
 }
 
 impl Unobservable {
@@ -56,7 +55,7 @@ impl Unobservable {
     /// ```
     /// use scheme_opt::internals::drift::DriftCoefficient as D;
     /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
-    /// use scheme_opt::internals::observability::Unobservable;
+    /// use scheme_opt::internals::analysis::Unobservable;
     /// use scheme_opt::internals::platform::PlatformConfig;
     /// use scheme_opt::internals::schedule::standard::StandardScheme;
     /// let mut config = PlatformConfig::default();
@@ -66,7 +65,7 @@ impl Unobservable {
     /// let evaluation = evaluator.evaluate(&schedule)?;
     /// let found = Unobservable::of(&evaluator, &schedule, &evaluation)?;
     /// assert_eq!(found.on_this_stand, [D::IX, D::IY, D::IZ]);
-    /// assert_eq!(found.combinations, ["D_IX + D_IY + D_IZ"]);
+    /// assert_eq!(found.combinations[0].to_string(), "D_IX + D_IY + D_IZ");
     /// # Ok::<(), scheme_opt::Error>(())
     /// ```
     ///
@@ -103,12 +102,14 @@ impl Unobservable {
             true => observable.missing(regressor.unknowns()),
             false => Vec::new(),
         };
-        let name = |weights| Combination::from_array(weights).to_string();
         Ok(Self {
             on_this_stand,
             by_this_schedule,
             accepted,
-            combinations: combinations.into_iter().map(name).collect(),
+            combinations: combinations
+                .into_iter()
+                .map(Combination::from_array)
+                .collect(),
         })
     }
 
@@ -116,29 +117,44 @@ impl Unobservable {
     pub fn is_acceptable(&self) -> bool {
         self.on_this_stand.is_empty() && self.by_this_schedule.is_empty()
     }
+}
 
-    /// What is not acceptable, in words; none where all is.
-    pub fn in_words(&self) -> Option<String> {
-        let names = |all: &[DriftCoefficient]| {
-            let names: Vec<&str> = all.iter().map(|c| c.name()).collect();
-            names.join(", ")
-        };
-        let mut parts = Vec::new();
-        if !self.on_this_stand.is_empty() {
-            parts.push(format!(
-                "no schedule on this stand can observe {}, because it cannot tell {}",
-                names(&self.on_this_stand),
-                self.combinations.join("; ")
-            ));
-        }
-        if !self.by_this_schedule.is_empty() {
-            parts.push(format!(
-                "the schedule found does not observe {}",
-                names(&self.by_this_schedule)
-            ));
-        }
-        (!parts.is_empty()).then(|| parts.join("; "))
+impl fmt::Display for Unobservable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let combinations: Vec<String> = self.combinations.iter().map(ToString::to_string).collect();
+        f.write_str(&not_observed(
+            &self.on_this_stand,
+            &self.by_this_schedule,
+            &combinations,
+        ))
     }
+}
+
+/// That these coefficients are not observed, in words; `combinations` by name.
+pub(crate) fn not_observed(
+    on_this_stand: &[DriftCoefficient],
+    by_this_schedule: &[DriftCoefficient],
+    combinations: &[String],
+) -> String {
+    let names = |all: &[DriftCoefficient]| {
+        let names: Vec<&str> = all.iter().map(|c| c.name()).collect();
+        names.join(", ")
+    };
+    let mut parts = Vec::new();
+    if !on_this_stand.is_empty() {
+        parts.push(format!(
+            "no schedule on this stand can observe {}, because it cannot tell {}",
+            names(on_this_stand),
+            combinations.join("; ")
+        ));
+    }
+    if !by_this_schedule.is_empty() {
+        parts.push(format!(
+            "the schedule found does not observe {}",
+            names(by_this_schedule)
+        ));
+    }
+    parts.join("; ")
 }
 
 /// The coefficients that count, are not in the space that is `observed`, are not much better known

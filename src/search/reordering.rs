@@ -23,7 +23,7 @@ const MOST_CHANGES: usize = 2_000;
 
 /// A change of order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Change {
+enum Reordering {
     /// Positions `from..=to` the other way round (2-opt).
     Reverse { from: usize, to: usize },
     /// `length` positions from `from` on, put before what then is position `to` (or-opt).
@@ -60,18 +60,18 @@ pub(super) fn with_quickest_positions(context: Context<'_>, mut plan: Plan) -> P
     plan
 }
 
-fn changes(count: usize) -> Vec<Change> {
+fn changes(count: usize) -> Vec<Reordering> {
     let mut all = Vec::new();
     for from in 0..count {
         for to in from + 1..count {
-            all.push(Change::Reverse { from, to });
+            all.push(Reordering::Reverse { from, to });
         }
         for length in 1..=LONGEST_SEGMENT.min(count - from) {
             for to in 0..=count - length {
                 // Next door is the same as a neighbour's displacement, or a reversal of two.
                 let distance = to.abs_diff(from);
                 if distance > 1 || (distance == 1 && length == 2) {
-                    all.push(Change::Move { from, length, to });
+                    all.push(Reordering::Move { from, length, to });
                 }
             }
         }
@@ -96,8 +96,8 @@ pub(super) fn neighbours(
         .par_chunks(AT_ONCE)
         .flat_map_iter(|some| {
             let changed = some.iter().map(|change| match *change {
-                Change::Reverse { from, to } => reversed(plan, from, to),
-                Change::Move { from, length, to } => moved(plan, from, length, to),
+                Reordering::Reverse { from, to } => reversed(plan, from, to),
+                Reordering::Move { from, length, to } => moved(plan, from, length, to),
             });
             let quickest = changed.map(|changed| with_quickest_positions(context, changed));
             estimated(context, smoothing, quickest)
@@ -172,8 +172,8 @@ mod tests {
         let plan = plan(7);
         for change in changes(7) {
             let changed = match change {
-                Change::Reverse { from, to } => reversed(&plan, from, to),
-                Change::Move { from, length, to } => moved(&plan, from, length, to),
+                Reordering::Reverse { from, to } => reversed(&plan, from, to),
+                Reordering::Move { from, length, to } => moved(&plan, from, length, to),
             };
             let mut sorted = order(&changed);
             assert_ne!(sorted, order(&plan));

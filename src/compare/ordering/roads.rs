@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::Orders;
+use super::orders::Orders;
 use crate::attitude::Position;
 use crate::covariance::link::{Link, Reached};
 use crate::evaluate::Evaluator;
@@ -16,7 +16,7 @@ const STEPS_DEG: [f64; 10] = [180.0, 90.0, 60.0, 45.0, 30.0, 22.5, 15.0, 10.0, 5
 
 /// The positions, and what the gimbals turn between them.
 #[derive(Debug)]
-pub(in super::super) struct Roads<'a> {
+pub(super) struct Roads<'a> {
     pub orders: &'a Orders<'a>,
     /// For each position an earlier one that is the same.
     twins: Vec<Option<usize>>,
@@ -291,7 +291,7 @@ fn twins(positions: &[Position]) -> Vec<Option<usize>> {
 
 /// The links of every move with the dwell after it, for one number of periods.
 #[derive(Debug)]
-pub(in super::super) struct Hops {
+pub(super) struct Hops {
     pub periods: i64,
     count: usize,
     /// Positions that are held a period longer: the first in order.

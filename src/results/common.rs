@@ -1,0 +1,45 @@
+//! What every document is made with: its inputs, and how it is written.
+
+use serde::Serialize;
+
+use super::layout::Layout;
+use crate::config::StudyConfig;
+use crate::error::{Error, Result};
+use crate::schedule::Schedule;
+use crate::suspicion::{self, WarningRecord};
+
+/// Version of the program, as documents carry it.
+pub const TOOL_VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// The inputs of a run: the study as resolved, and which of its keys nobody gave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inputs {
+    /// Every value, defaults and command-line overrides included.
+    pub config: StudyConfig,
+    /// Keys whose value is the default, in dotted form.
+    pub defaulted: Vec<String>,
+}
+
+/// What is hard to believe of the inputs and of a schedule.
+pub(super) fn warnings(inputs: &Inputs, schedule: Option<&Schedule>) -> Vec<WarningRecord> {
+    let found = suspicion::of(&inputs.config, &inputs.defaulted, schedule);
+    found.iter().map(Into::into).collect()
+}
+
+/// JSON knows finite numbers only.
+pub(super) fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+pub(super) fn to_json(document: &impl Serialize) -> Result<String> {
+    let failed = |e: Box<dyn std::error::Error + Send + Sync>| {
+        Error::numerical(format!("the document cannot be written as JSON: {e}")).with_source(e)
+    };
+    let mut bytes = Vec::new();
+    let mut serializer = serde_json::Serializer::with_formatter(&mut bytes, Layout::default());
+    document
+        .serialize(&mut serializer)
+        .map_err(|e| failed(e.into()))?;
+    bytes.push(b'\n');
+    String::from_utf8(bytes).map_err(|e| failed(e.into()))
+}

@@ -1,0 +1,213 @@
+//! Why a search ended as it did, as data.
+
+use std::fmt;
+
+use crate::analysis::Unobservable;
+use crate::criterion::KnownBefore;
+use crate::drift::DriftCoefficient;
+use crate::error::Error;
+use crate::evaluate::{Evaluation, Objective};
+
+/// Why a search ended as it did. [`fmt::Display`] puts it into words, the same in every document,
+/// report and terminal.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Reason {
+    /// It was cancelled.
+    Interrupted,
+    /// Its time was up.
+    TimeLimit,
+    /// All was worked through. A specification need not be met, unless it is the criterion.
+    Finished {
+        /// The coefficients that miss their specification.
+        missed: Vec<MissedSpecification>,
+    },
+    /// Every point of the front was worked out.
+    FrontFinished,
+    /// The criterion is 0 before any test, and nothing else is asked for.
+    NoTestNeeded(KnownBefore),
+    /// The shortest test that meets the specification was found.
+    SpecificationMet {
+        /// Its duration, s.
+        total_time_s: f64,
+        /// Largest ratio of a σ to its specification.
+        largest_ratio: f64,
+    },
+    /// No schedule found reaches the minimum separability.
+    SeparabilityMissed {
+        /// What is asked for.
+        minimum: f64,
+        /// The least separability of a coefficient in the nearest schedule.
+        nearest: f64,
+    },
+    /// Coefficients that count stay unobservable.
+    Unobservable(Unobservable),
+    /// The most accurate schedule found does not meet the specification.
+    SpecificationMissed {
+        /// Its duration, s.
+        total_time_s: f64,
+        /// By which coefficients.
+        missed: Vec<MissedSpecification>,
+        /// A specification so many times as wide is met.
+        times_as_wide: f64,
+    },
+    /// No test within the time that is allowed meets the specification.
+    NotInTime {
+        /// What stays unobservable.
+        unobservable: Unobservable,
+        /// The time that is allowed, s.
+        allowed_s: f64,
+        /// The coefficients that miss their specification.
+        missed: Vec<MissedSpecification>,
+        /// A specification so many times as wide is met.
+        times_as_wide: f64,
+        /// What time would be enough.
+        enough: EnoughTime,
+    },
+}
+
+/// What time would be enough for a specification.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum EnoughTime {
+    /// So long, s.
+    Found(f64),
+    /// No test of any length that was tried meets it.
+    NotFound,
+    /// A longer test could not be worked out.
+    Failed(Error),
+}
+
+/// A coefficient that misses its specification. [`fmt::Display`] gives both numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MissedSpecification {
+    /// Which.
+    pub coefficient: DriftCoefficient,
+    /// 1σ after the test, °/h (per g).
+    pub sigma_deg_per_h: f64,
+    /// What is asked for, 1σ, °/h (per g).
+    pub spec_deg_per_h: f64,
+}
+
+impl MissedSpecification {
+    /// All of an evaluation, D_FX first; none without a specification.
+    pub(super) fn all(objective: &Objective, evaluation: &Evaluation) -> Vec<Self> {
+        let Some(spec) = objective.spec_deg_per_h else {
+            return Vec::new();
+        };
+        let sigma = evaluation.end.sigma_deg_per_h();
+        DriftCoefficient::ALL
+            .into_iter()
+            .map(|coefficient| Self {
+                coefficient,
+                sigma_deg_per_h: sigma[coefficient.index()],
+                spec_deg_per_h: spec[coefficient.index()],
+            })
+            .filter(|c| c.sigma_deg_per_h > c.spec_deg_per_h)
+            .collect()
+    }
+}
+
+impl fmt::Display for MissedSpecification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} ({:.3e} > {:.3e} deg/h)",
+            self.coefficient.name(),
+            self.sigma_deg_per_h,
+            self.spec_deg_per_h
+        )
+    }
+}
+
+/// The coefficients with their numbers, separated by commas.
+struct Listed<'a>(&'a [MissedSpecification]);
+
+impl fmt::Display for Listed<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, missed) in self.0.iter().enumerate() {
+            write!(f, "{}{missed}", if k == 0 { "" } else { ", " })?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for EnoughTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Found(t) => write!(f, "the specification can be met in {t:.0} s"),
+            Self::NotFound => f.write_str("no test of any length that was tried meets it"),
+            Self::Failed(e) => write!(f, "a longer test could not be worked out: {e}"),
+        }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Interrupted => f.write_str("interrupted; the schedule is the best found so far"),
+            Self::TimeLimit => f.write_str(
+                "the time limit was reached; the schedule is the best found so far, confirmed by \
+                 the step-by-step filter after the limit",
+            ),
+            Self::Finished { missed } => {
+                f.write_str(
+                    "all starts were screened, the best improved until nothing tried made them \
+                     better, and the winner was confirmed by the step-by-step filter",
+                )?;
+                match missed.is_empty() {
+                    true => Ok(()),
+                    false => write!(f, "; the specification is missed by {}", Listed(missed)),
+                }
+            }
+            Self::FrontFinished => f.write_str(
+                "every point of the front was worked out and confirmed by the step-by-step filter",
+            ),
+            Self::NoTestNeeded(known) => write!(
+                f,
+                "{known}; no test is needed, and this is the shortest there is"
+            ),
+            Self::SpecificationMet {
+                total_time_s,
+                largest_ratio,
+            } => write!(
+                f,
+                "every coefficient is within its specification after {total_time_s:.1} s; the \
+                 largest ratio of a sigma to its specification is {largest_ratio:.4}"
+            ),
+            Self::SeparabilityMissed { minimum, nearest } => write!(
+                f,
+                "no schedule found reaches the minimum separability {minimum}; the nearest has \
+                 {nearest:.4}"
+            ),
+            Self::Unobservable(unobservable) => unobservable.fmt(f),
+            Self::SpecificationMissed {
+                total_time_s,
+                missed,
+                times_as_wide,
+            } => write!(
+                f,
+                "no schedule found meets the specification in {total_time_s:.0} s: missed by {}; \
+                 one {times_as_wide:.4} times as wide is met",
+                Listed(missed)
+            ),
+            Self::NotInTime {
+                unobservable,
+                allowed_s,
+                missed,
+                times_as_wide,
+                enough,
+            } => {
+                if !unobservable.is_acceptable() {
+                    write!(f, "{unobservable}; ")?;
+                }
+                write!(
+                    f,
+                    "the specification is not met in {allowed_s:.0} s, missed by {}; a \
+                     specification {times_as_wide:.4} times as wide can be; {enough}",
+                    Listed(missed)
+                )
+            }
+        }
+    }
+}
