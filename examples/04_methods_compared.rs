@@ -13,18 +13,17 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use scheme_opt::internals::attitude::{Attitude, Position};
+use scheme_opt::internals::attitude::Attitude;
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::covariance::filter::step_by_step;
-use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::observability::Observability;
 use scheme_opt::internals::observability::classical::{
     Measure, PiecewiseConstant, STATES, Units, rank_correlation,
 };
-use scheme_opt::internals::platform::{Platform, PlatformConfig};
-use scheme_opt::internals::schedule::standard::StandardScheme;
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
+use scheme_opt::internals::platform::Platform;
+use scheme_opt::settings::PlatformConfig;
+use scheme_opt::{DriftCoefficient, Position, Schedule, ScheduledPosition, StandardScheme};
 
 const TOTAL_S: f64 = 12_000.0;
 const POSITIONS: usize = 12;

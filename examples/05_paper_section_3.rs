@@ -23,19 +23,18 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use scheme_opt::internals::attitude::{NORTH, Position};
-use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D};
+use scheme_opt::internals::attitude::NORTH;
+use scheme_opt::internals::drift::CoefficientVector;
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{
-    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
-};
+use scheme_opt::internals::platform::Platform;
 use scheme_opt::internals::report::figure::{Band, Color, Curve, Dash, Figure, Panel, Style};
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::internals::simulate::{
-    FilterModel, InitialTruth, Sample, Simulation, SimulationOptions, Trajectory, TruthModel,
-};
+use scheme_opt::internals::simulate::{InitialTruth, Sample, Simulation, Trajectory};
 use scheme_opt::internals::units::{ARCSEC_PER_RAD, Angle};
-use scheme_opt::{Error, Result};
+use scheme_opt::settings::{AxisValue, GSensitivePrior, PlatformConfig, Repositioning};
+use scheme_opt::{
+    DriftCoefficient as D, Error, FilterModel, Position, Result, Schedule, ScheduledPosition,
+    SimulationOptions, TruthModel,
+};
 
 /// The coefficients that the two positions excite and the paper plots, with their figures.
 const PLOTTED: [(D, u8); 6] = [

@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
 use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime, Remark};
 use crate::config::{Mode, StudyConfig};
 use crate::drift::{CoefficientVector, DriftCoefficient};
-use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
 use crate::suspicion::WarningRecord;
@@ -117,15 +116,6 @@ impl BoundDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, None),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }
 

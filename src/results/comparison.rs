@@ -2,12 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
 use crate::compare::{ComparedSchedule, Proof, Terms};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
@@ -180,15 +179,6 @@ impl ComparisonDocument {
             key: format!("{name}: {}", w.key),
             ..w.into()
         }));
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }
 

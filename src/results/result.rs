@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bound::{CertificateRecord, front_bounds};
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::counters::CounterRecord;
 use super::evaluation::EvaluationDocument;
 use crate::analysis::{Unobservable, not_observed};
@@ -11,7 +11,6 @@ use crate::baseline::Baseline;
 use crate::certificate::Certifier;
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{FrontPoint, SearchOutcome};
@@ -204,15 +203,6 @@ impl ResultDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(&outcome.schedule)),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 
     /// The same without what may differ between two runs of the same input: the duration of the

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::MISALIGNMENT_NAMES;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
@@ -15,7 +14,7 @@ use crate::simulate::specification::SpecificationCheck;
 use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
 use crate::suspicion::WarningRecord;
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
@@ -265,14 +264,5 @@ impl SimulationDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(schedule)),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }
