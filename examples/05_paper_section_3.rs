@@ -157,6 +157,18 @@ fn report(what: &str, run: &Trajectory) {
     }
 }
 
+/// Component `i` of ψ in the platform frame c, which the paper plots: the truth, the estimate and
+/// the filter's σ, arcsec.
+fn in_platform(s: &Sample, i: usize) -> [f64; 3] {
+    let c_to_n = s.attitude.matrix();
+    let covariance = c_to_n.transpose() * s.misalignment_n_covariance_arcsec2 * c_to_n;
+    [
+        c_to_n.tr_mul(&s.misalignment_n_arcsec)[i],
+        c_to_n.tr_mul(&s.misalignment_n_estimate_arcsec)[i],
+        covariance[(i, i)].sqrt(),
+    ]
+}
+
 /// Figures 2–10 as one picture.
 fn write_figure(directory: &Path, mode: Repositioning, run: &Trajectory) -> Result<()> {
     let (name, words) = match mode {
@@ -168,11 +180,7 @@ fn write_figure(directory: &Path, mode: Repositioning, run: &Trajectory) -> Resu
         let deg = |arcsec: f64| Angle::from_arcsec(arcsec).deg();
         let title = format!("Fig. {}: ψ{axis}", i + 2);
         figure = figure.with_panel(panel(title, format!("ψ{axis}, °"), run, |s| {
-            [
-                deg(s.misalignment_c_arcsec()[i]),
-                deg(s.misalignment_c_estimate_arcsec()[i]),
-                deg(s.misalignment_c_sigma_arcsec()[i]),
-            ]
+            in_platform(s, i).map(deg)
         }));
     }
     for (c, number) in PLOTTED {

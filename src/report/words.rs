@@ -87,7 +87,7 @@ pub fn verdict(document: &ResultDocument) -> String {
             score.criterion_unit
         ),
     };
-    // As good as others by a criterion that no schedule can make good says nothing.
+    // Where no schedule can make the criterion good, to be as good as the others says nothing.
     let compares = score.known_before.is_none() && document.unobservable.is_acceptable();
     let best = document.best_baseline().filter(|_| compares);
     let comparison = best.map_or_else(String::new, |best| {

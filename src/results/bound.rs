@@ -250,7 +250,8 @@ pub(super) fn front_bounds(
         .par_iter()
         .map(|&time_s| {
             let bound = certifier.criterion_bound(&objective.criterion, time_s);
-            // The front stands without it; `bound` at this time says what is wrong.
+            // A point whose bound cannot be computed is shown without it; the command `bound` at its
+            // time says why.
             bound.ok().as_ref().and_then(useful)
         })
         .collect()

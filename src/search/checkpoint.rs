@@ -111,7 +111,7 @@ impl Context<'_> {
         let Finished { plan, counters } = self.control.journal()?.recall(name)?;
         let result = match plan {
             None => None,
-            // What no search writes is done anew.
+            // An entry that no search could have written: the work is done anew.
             Some(plan) => Some(T::from_finished(plan)?),
         };
         self.work.add(counters);
@@ -128,7 +128,8 @@ impl Context<'_> {
             && !self.control.should_stop()
             && plan.as_ref().is_none_or(FinishedPlan::is_finite)
         {
-            // Once a search is to stop, what is left of it goes another way.
+            // A search that is to stop cuts its steps short, so what it does then is not what a
+            // continued search would do and must not be remembered.
             let counters = own.counters();
             journal.record(name, Finished { plan, counters });
         }

@@ -67,7 +67,7 @@ impl WorkDone {
     }
 
     fn refinements(&self) -> MutexGuard<'_, RefinementCounters> {
-        // A panic elsewhere leaves whole numbers.
+        // A thread that panicked holding the lock left counters that are right as far as it got.
         self.refinements
             .lock()
             .unwrap_or_else(PoisonError::into_inner)

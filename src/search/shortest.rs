@@ -124,7 +124,7 @@ impl RootSearch<'_> {
         let log_ratio = |c: &Candidate| libm::log(c.criterion.max(f64::MIN_POSITIVE));
         let mut high = (libm::log(self.problem.total_time_s), log_ratio(&longest));
         let mut best = longest;
-        // Until something fails, a line of slope −POWER stands for the other end.
+        // Until a test fails, the power law stands in for the failing end of the bracket.
         let mut low: Option<(f64, f64)> = None;
         for _ in 0..STEPS {
             if self.stop() || low.is_some_and(|low| libm::exp(high.0 - low.0) - 1.0 < WIDTH) {
@@ -219,7 +219,7 @@ impl RootSearch<'_> {
                     shortest_s = trial_s;
                     trial_s *= libm::pow(ratio, 1.0 / POWER);
                 }
-                // Half of the way back to what is known to do.
+                // Too short: try half way back to the shortest test that meets the specification.
                 _ if best.is_some() => trial_s = 0.5 * (trial_s + shortest_s),
                 _ => break,
             }

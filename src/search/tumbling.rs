@@ -217,7 +217,7 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
         &variables.decode(&x)?,
     )?;
     let schedule = rounded.to_schedule(platform)?;
-    // A programme that the platform refuses, or that has no figures, is no candidate.
+    // A programme that the platform refuses, or that cannot be evaluated, is no candidate.
     let timeline = Timeline::new(platform, &schedule).ok()?;
     context.work.count_evaluations(1);
     let model = context.evaluator.model();
