@@ -20,6 +20,11 @@ pub(crate) struct Context<'a> {
 }
 
 impl Context<'_> {
+    /// The same for another problem.
+    pub fn on<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
+        Context { problem, ..*self }
+    }
+
     /// Whether to stop, remembering that work was left undone.
     pub fn must_stop(&self) -> bool {
         let stop = self.control.should_stop();
