@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
-use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime, Remark};
+use crate::certificate::{Bound, Certifier, CriterionBound, Majorant, MinimumTime, Remark};
 use crate::config::{Mode, StudyConfig};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::Objective;
@@ -48,8 +48,8 @@ pub struct BoundDocument {
     /// How much of the relaxed problem's own optimum the bound misses, relatively: the gap of the
     /// Kiefer–Wolfowitz equivalence theorem, with the maximum over all attitudes from above.
     pub equivalence_gap: f64,
-    /// How information is majorised, `separated` or `isotropic`; null: nothing is measured.
-    pub majorant: Option<String>,
+    /// How information is majorised; null: nothing is measured.
+    pub majorant: Option<Majorant>,
     /// Time mean of the majorant for North (x), Up (y) and East (z): no more information per second
     /// comes from the drift rate in that channel, (°/h)⁻² s⁻¹; null: nothing is measured.
     pub delta: Option<DeltaRecord>,
@@ -104,7 +104,7 @@ impl BoundDocument {
             minimum_time_s: minimum_time.and_then(seconds),
             minimum_time: minimum_time.map(|time| time.to_string()),
             equivalence_gap: bound.criterion.equivalence_gap,
-            majorant: majorant.map(|m| m.kind.name().to_owned()),
+            majorant: majorant.map(|m| m.kind),
             delta: majorant.map(|m| DeltaRecord {
                 x: m.delta[0],
                 y: m.delta[1],

@@ -13,7 +13,7 @@ use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::evaluate::Objective;
 use crate::schedule::file::ScheduleDocument;
-use crate::search::{FrontPoint, SearchOutcome};
+use crate::search::{FrontPoint, SearchOutcome, Status};
 use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`ResultDocument`].
@@ -28,8 +28,8 @@ pub struct ResultDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
-    /// How the search ended: `converged`, `time-limit`, `interrupted`, `infeasible`.
-    pub status: String,
+    /// How the search ended.
+    pub status: Status,
     /// The same in words.
     pub reason: String,
     /// The recommended schedule.
@@ -187,7 +187,7 @@ impl ResultDocument {
         Self {
             schema: RESULT_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
-            status: outcome.status.name().to_owned(),
+            status: outcome.status,
             reason: outcome.reason.to_string(),
             schedule: ScheduleDocument::from(&outcome.schedule),
             unobservable: (&outcome.unobservable).into(),

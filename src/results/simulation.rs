@@ -11,7 +11,9 @@ use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::divergence::Divergence;
 use crate::simulate::judgement::Judgement;
 use crate::simulate::specification::SpecificationCheck;
-use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
+use crate::simulate::{
+    FilterModel, MonteCarlo, SimulationOptions, StateCheck, SweepPoint, TruthModel,
+};
 use crate::suspicion::WarningRecord;
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
@@ -34,10 +36,10 @@ pub struct SimulationDocument {
     pub runs: usize,
     /// Seed of the random streams.
     pub seed: u64,
-    /// Equations of the true platform: `nonlinear` or `first-order`.
-    pub truth: String,
-    /// What the filter linearises about: `linear`, `extended` or `iterated`.
-    pub filter: String,
+    /// Equations of the true platform.
+    pub truth: TruthModel,
+    /// What the filter linearises about.
+    pub filter: FilterModel,
     /// Accelerometer noise told to the filter, as a factor of the true one.
     pub told_accelerometer_factor: f64,
     /// Random drift told to the filter, as a factor of the true one.
@@ -237,8 +239,8 @@ impl SimulationDocument {
             total_time_s: found.total_time_s,
             runs: found.runs,
             seed: found.seed,
-            truth: options.truth.name().to_owned(),
-            filter: options.filter.name().to_owned(),
+            truth: options.truth,
+            filter: options.filter,
             told_accelerometer_factor: options.told.accelerometer_factor,
             told_random_drift_factor: options.told.random_drift_factor,
             verdict: judgement.verdict,
