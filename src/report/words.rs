@@ -198,13 +198,20 @@ pub fn simulated(document: &SimulationDocument) -> Vec<String> {
     }
 }
 
-/// Where an average lies, beside its bounds.
-pub fn place(c: &Consistency) -> &'static str {
-    match c.verdict {
+/// Cells of a table of averages: what is expected (the degrees of freedom), what was found, the
+/// bounds, and where it lies.
+pub fn consistency(c: &Consistency) -> [String; 4] {
+    let place = match c.verdict {
         Verdict::Consistent => "within",
         Verdict::Pessimistic => "below",
         _ => "above",
-    }
+    };
+    [
+        c.degrees_of_freedom.to_string(),
+        number(c.average),
+        format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
+        place.to_owned(),
+    ]
 }
 
 /// How the bounds of a simulation's averages are to be read.

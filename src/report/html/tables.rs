@@ -393,13 +393,7 @@ pub(super) fn specification(check: &SpecificationCheck) -> HtmlTable {
 pub(super) fn consistency(d: &SimulationDocument) -> HtmlTable {
     let row = |name: String, c: &Option<Consistency>| match c {
         None => vec![name, NONE.into(), NONE.into(), NONE.into(), NONE.into()],
-        Some(c) => vec![
-            name,
-            c.degrees_of_freedom.to_string(),
-            number(c.average),
-            format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
-            words::place(c).to_owned(),
-        ],
+        Some(c) => std::iter::once(name).chain(words::consistency(c)).collect(),
     };
     let mut rows = vec![
         row("NEES, all states".to_owned(), &d.nees),
