@@ -23,19 +23,18 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use scheme_opt::internals::attitude::{NORTH, Position};
-use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient as D};
+use scheme_opt::internals::attitude::NORTH;
+use scheme_opt::internals::drift::CoefficientVector;
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{
-    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
-};
+use scheme_opt::internals::platform::Platform;
 use scheme_opt::internals::report::figure::{Band, Color, Curve, Dash, Figure, Panel, Style};
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::internals::simulate::{
-    FilterModel, InitialTruth, Sample, Simulation, SimulationOptions, Trajectory, TruthModel,
-};
+use scheme_opt::internals::simulate::{InitialTruth, Sample, Simulation, Trajectory};
 use scheme_opt::internals::units::{ARCSEC_PER_RAD, Angle};
-use scheme_opt::{Error, Result};
+use scheme_opt::settings::{AxisValue, GSensitivePrior, PlatformConfig, Repositioning};
+use scheme_opt::{
+    DriftCoefficient as D, Error, FilterModel, Position, Result, Schedule, ScheduledPosition,
+    SimulationOptions, TruthModel,
+};
 
 /// The coefficients that the two positions excite and the paper plots, with their figures.
 const PLOTTED: [(D, u8); 6] = [
@@ -158,6 +157,18 @@ fn report(what: &str, run: &Trajectory) {
     }
 }
 
+/// Component `i` of ψ in the platform frame c, which the paper plots: the truth, the estimate and
+/// the filter's σ, arcsec.
+fn in_platform(s: &Sample, i: usize) -> [f64; 3] {
+    let c_to_n = s.attitude.matrix();
+    let covariance = c_to_n.transpose() * s.misalignment_n_covariance_arcsec2 * c_to_n;
+    [
+        c_to_n.tr_mul(&s.misalignment_n_arcsec)[i],
+        c_to_n.tr_mul(&s.misalignment_n_estimate_arcsec)[i],
+        covariance[(i, i)].sqrt(),
+    ]
+}
+
 /// Figures 2–10 as one picture.
 fn write_figure(directory: &Path, mode: Repositioning, run: &Trajectory) -> Result<()> {
     let (name, words) = match mode {
@@ -169,11 +180,7 @@ fn write_figure(directory: &Path, mode: Repositioning, run: &Trajectory) -> Resu
         let deg = |arcsec: f64| Angle::from_arcsec(arcsec).deg();
         let title = format!("Fig. {}: ψ{axis}", i + 2);
         figure = figure.with_panel(panel(title, format!("ψ{axis}, °"), run, |s| {
-            [
-                deg(s.misalignment_c_arcsec()[i]),
-                deg(s.misalignment_c_estimate_arcsec()[i]),
-                deg(s.misalignment_c_sigma_arcsec()[i]),
-            ]
+            in_platform(s, i).map(deg)
         }));
     }
     for (c, number) in PLOTTED {

@@ -18,18 +18,16 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::certificate::{Bound, Certifier};
 use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::internals::criterion::Criterion;
 use scheme_opt::internals::drift::CoefficientVector;
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{
-    AxisValue, GSensitivePrior, Platform, PlatformConfig, Repositioning,
-};
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
-use scheme_opt::internals::search::{Control, SearchProblem, search};
+use scheme_opt::internals::platform::Platform;
+use scheme_opt::internals::search::{SearchProblem, search};
+use scheme_opt::settings::{AxisValue, GSensitivePrior, PlatformConfig, Repositioning};
+use scheme_opt::{Control, Position, Schedule, ScheduledPosition};
 
 fn main() {
     let counts: Vec<usize> = std::env::args()

@@ -86,7 +86,7 @@ impl PlatformState {
             Self::EpsilonX => v[3 + NORTH] = 1.0,
             Self::EpsilonY => v[3 + UP] = 1.0,
             Self::EpsilonZ => v[3 + EAST] = 1.0,
-            // (25).
+            // (25): ψ̇_y holds ε_y, which is of order 2.
             Self::PsiYRate => (v[EAST], v[3 + UP]) = (omega_n, 1.0),
             Self::EpsilonZMinusAzimuth => (v[UP], v[3 + EAST]) = (-omega_n, 1.0),
         }

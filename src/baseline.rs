@@ -100,14 +100,7 @@ pub(crate) fn check_dwells(evaluator: &Evaluator, schedule: &Schedule) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Objective;
-    use crate::platform::PlatformConfig;
-
-    fn evaluator(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
-        let mut config = PlatformConfig::default();
-        change(&mut config);
-        Evaluator::new(config.check().unwrap(), Objective::default())
-    }
+    use crate::testing::evaluator;
 
     #[test]
     fn a_baseline_is_what_its_full_evaluation_says() {

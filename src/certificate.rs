@@ -159,9 +159,11 @@ impl Certifier {
                 let bracket = self.bracket(&problem, criterion)?;
                 let found = finish(bracket, in_use(&problem, &bounded, total_time_s))?;
                 match best {
-                    // The ones that follow only go further the same way.
+                    // Majorants are in an order of one ratio: once the bound falls, those that follow
+                    // go further the same way. (Each of them bounds by itself, so that leaving
+                    // some out is never wrong.)
                     Some(b) if found.lower_bound < b.lower_bound => break,
-                    // After equal ones they may rise.
+                    // Equal bounds, as on index tables, say nothing about those that follow.
                     Some(b) if found.lower_bound == b.lower_bound => {}
                     _ => best = Some(found),
                 }

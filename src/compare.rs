@@ -1,5 +1,7 @@
 //! Comparison of schedules: what each reaches on the same platform in the same time.
 
+use serde::{Deserialize, Serialize};
+
 use crate::baseline::check_dwells;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
@@ -29,7 +31,9 @@ pub enum Source {
 }
 
 /// The order in which the positions of a scheme are visited.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum PositionOrder {
     /// As given.
     AsGiven,
@@ -40,23 +44,6 @@ pub enum PositionOrder {
     /// quickest in the order: local search from the given order and random ones. A better one may
     /// exist.
     BestFound,
-}
-
-impl PositionOrder {
-    /// The name used in documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::AsGiven => "as-given",
-            Self::Best => "best",
-            Self::BestFound => "best-found",
-        }
-    }
-
-    /// The order of that name; none when there is no such.
-    pub fn from_name(name: &str) -> Option<Self> {
-        let all = [Self::AsGiven, Self::Best, Self::BestFound];
-        all.into_iter().find(|order| order.name() == name)
-    }
 }
 
 /// What the search for an order says of it.

@@ -78,6 +78,8 @@ mod search;
 mod simulate;
 mod study;
 mod suspicion;
+#[cfg(test)]
+mod testing;
 mod units;
 mod wording;
 

@@ -13,6 +13,7 @@ mod common;
 mod comparison;
 mod counters;
 mod evaluation;
+mod json;
 mod layout;
 mod result;
 #[cfg(feature = "schema")]
@@ -24,7 +25,7 @@ pub use crate::suspicion::WarningRecord;
 pub use analysis::{
     ANALYSIS_SCHEMA, AnalysedCoefficient, AnalysedObservability, AnalysedPosition,
     AnalysisDocument, CorrelationRecord, Correlations, NearlyRecord, PiecewiseConstantRecord,
-    ReconstructionRecord, SeenRecord, StandingRecord, StateRecord, SuggestionRecord, TermRecord,
+    ReconstructionRecord, SeenRecord, Standing, StateRecord, SuggestionRecord, TermRecord,
     WeakRecord,
 };
 pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
@@ -32,7 +33,7 @@ pub use common::{Inputs, TOOL_VERSION};
 pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
 };
-pub use counters::{CounterRecord, RefinementRecord};
+pub use counters::{CounterRecord, RefinementCounters};
 pub use evaluation::{
     CoefficientRecord, ConvergenceRecord, DisagreementRecord, EVALUATION_SCHEMA,
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,

@@ -20,16 +20,16 @@
 
 mod naive;
 mod ratios;
+#[path = "../../tests/battery/schedules.rs"]
+mod schedules;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use scheme_opt::internals::attitude::Position;
+use schedules::Case;
 use scheme_opt::internals::covariance::filter::step_by_step;
 use scheme_opt::internals::covariance::{CovarianceModel, TickRule};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{Platform, PlatformConfig};
-use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 fn main() {
     if std::env::args().any(|arg| arg == "--ratios") {
@@ -41,72 +41,12 @@ fn main() {
 
 /// Numbers of positions.
 const COUNTS: [usize; 4] = [8, 12, 24, 48];
-/// Duration of the test, s.
-const TOTAL_S: f64 = 12_000.0;
 /// Schedules in a batch.
 const BATCH: usize = 64;
 
-/// What the schedules of a case have.
-#[derive(Clone, Copy)]
-struct Case {
-    count: usize,
-    total_s: f64,
-    /// On every dwell, s: zero for whole filter periods.
-    more_s: f64,
-    /// How far dwells differ from schedule to schedule, s.
-    spread_s: f64,
-    slews: bool,
-}
-
 impl Case {
-    fn whole(count: usize) -> Self {
-        Self {
-            count,
-            total_s: TOTAL_S,
-            more_s: 0.0,
-            spread_s: 0.0,
-            slews: false,
-        }
-    }
-
-    /// What a search sees: dwells of any length, and the relaxed measurement at their ends.
-    fn relaxed(count: usize) -> Self {
-        Self {
-            more_s: 3.7,
-            spread_s: 40.0,
-            ..Self::whole(count)
-        }
-    }
-
-    /// Twenty positions on a stand that turns at 0.5 °/s and settles for 30 s.
-    fn slews() -> Self {
-        Self {
-            slews: true,
-            ..Self::relaxed(20)
-        }
-    }
-
-    fn platform(&self) -> Platform {
-        let mut config = PlatformConfig::default();
-        if self.slews {
-            config.motion.slew_rate_deg_per_s = Some(0.5);
-            config.motion.settle_s = 30.0;
-        }
-        config.check().unwrap()
-    }
-
-    /// Schedule `index` of the case.
     fn timeline(&self, index: usize) -> Timeline {
-        let dwell = (self.total_s / self.count as f64 / 10.0).floor() * 10.0 + self.more_s;
-        let positions = (0..self.count).map(|k| {
-            let (k, i) = (k as f64, index as f64);
-            let angles = [0.3 + 2.1 * k + i, 1.1 * k * k - i, 1.7 * k * k * k];
-            let angles = angles.map(|a| a % std::f64::consts::TAU);
-            let dwell_s = dwell + self.spread_s * (1.7 * i + k).sin();
-            ScheduledPosition::new(Position::from_array(angles), dwell_s)
-        });
-        let schedule = Schedule::new(positions.collect()).unwrap();
-        Timeline::new(&self.platform(), &schedule).unwrap()
+        Timeline::new(&self.platform(), &self.schedule(index)).unwrap()
     }
 
     fn model(&self) -> CovarianceModel {
@@ -177,11 +117,7 @@ fn value_slews(bencher: Bencher<'_, '_>) {
 /// The same schedule of twelve positions over ever longer tests.
 #[divan::bench(args = [1_200.0, 12_000.0, 120_000.0])]
 fn value_by_duration(bencher: Bencher<'_, '_>, total_s: f64) {
-    let case = Case {
-        total_s,
-        ..Case::whole(12)
-    };
-    bench_value(bencher, case);
+    bench_value(bencher, Case::whole(12).lasting(total_s));
 }
 
 #[divan::bench(args = COUNTS)]

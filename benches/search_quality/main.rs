@@ -18,6 +18,7 @@
 )]
 
 mod competitors;
+#[path = "../../tests/battery/problems.rs"]
 mod problems;
 
 use std::time::Instant;

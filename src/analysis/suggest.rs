@@ -31,12 +31,15 @@ use crate::units::round_deg;
 type Unknowns = SVector<f64, UNKNOWNS>;
 type UnknownsMatrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
-/// How a schedule stands, for comparison.
-#[derive(Debug, Clone, PartialEq)]
+/// How a schedule stands.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", schemars(rename = "StandingRecord"))]
+#[non_exhaustive]
 pub struct Standing {
     /// Duration of the test, s.
     pub total_time_s: f64,
-    /// Value of the objective's criterion, °/h (max-ratio: 1).
+    /// Value of the criterion, °/h (max-ratio: 1).
     pub criterion: f64,
     /// √(mean of the coefficient variances), °/h.
     pub rms_sigma_deg_per_h: f64,

@@ -209,7 +209,7 @@ fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKN
         }
     }
     if azimuth && platform.motion().repositioning == Repositioning::FrameHold {
-        // Changes of position may show it by themselves.
+        // In frame-hold repositioning a change of position can show ψ_y by itself.
         rows.push(unit(COEFFICIENTS));
     }
     rows
@@ -239,7 +239,7 @@ fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
         }
     }
     let settings: Vec<f64> = turns.iter().map(|turn| turn.deg() * RAD_PER_DEG).collect();
-    // A move passes what lies between its ends.
+    // A slew passes all angles between its ends.
     match platform.motion().repositioning {
         Repositioning::Slew if settings.len() > 1 => all_around(),
         _ => settings,

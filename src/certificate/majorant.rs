@@ -1,12 +1,18 @@
 //! The majorant Δ(t) = f(t) diag(δ): the best of its family for a platform and a duration.
 
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
 use super::conditions::{Cells, Conditions};
 use super::profile::profile;
 use super::recursion::{Recursion, isotropic_holds};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 
 /// How Δ was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Majorant {
     /// The vertical channel apart and the trace of the D_I marginalised.
     Separated,
@@ -22,6 +28,12 @@ impl Majorant {
             Self::Separated => "separated",
             Self::Isotropic => "isotropic",
         }
+    }
+}
+
+impl fmt::Display for Majorant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -18,6 +18,7 @@ use crate::drift::{DriftMatrix, drift_matrix};
 use crate::motion::Timeline;
 use crate::platform::{PlatformConfig, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
+use crate::testing::platform;
 
 /// Numbers in 0..1, the same in every run.
 struct Numbers(u64);
@@ -40,12 +41,6 @@ impl Numbers {
             self.between(-3.1, 3.1),
         )
     }
-}
-
-fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
-    let mut config = PlatformConfig::default();
-    change(&mut config);
-    config.check().unwrap()
 }
 
 fn recursion(platform: &Platform, total_time_s: f64) -> Recursion {

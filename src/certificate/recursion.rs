@@ -217,7 +217,8 @@ pub(super) fn isotropic_holds(recursion: &Recursion, delta: f64) -> bool {
         let spent = cells.per_cell * weight * cells.length_s / 4.0;
         (conditions.noise_variance - spent) / cells.per_cell
     };
-    // The smallest: a larger prior than there is would hide information.
+    // The smallest of the three prior variances: starting from a larger one would leave
+    // out information that there is.
     let mut p = conditions.prior_psi.min();
     for node in 0..=cells.count {
         if node > 0 {

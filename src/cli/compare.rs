@@ -90,7 +90,7 @@ fn text(document: &ComparisonDocument) -> String {
     for skipped in &document.skipped {
         text.push_str(&report::wrap(&format!(
             "{}: not run, {}",
-            label(&skipped.name, &skipped.order),
+            label(&skipped.name, skipped.order),
             skipped.reason
         )));
     }
@@ -135,13 +135,13 @@ fn orders(document: &ComparisonDocument) -> String {
 }
 
 /// Name and order, short enough for a table: files without their directory.
-fn label(name: &str, order: &str) -> String {
+fn label(name: &str, order: PositionOrder) -> String {
     let file = || Path::new(name).file_name().and_then(|f| f.to_str());
     let short = Contender::standard_name(name).or_else(file).unwrap_or(name);
-    match PositionOrder::from_name(order) {
-        Some(PositionOrder::Best) => format!("{short} *"),
-        Some(PositionOrder::BestFound) => format!("{short} +"),
-        Some(PositionOrder::AsGiven) | None => short.to_owned(),
+    match order {
+        PositionOrder::Best => format!("{short} *"),
+        PositionOrder::BestFound => format!("{short} +"),
+        PositionOrder::AsGiven => short.to_owned(),
     }
 }
 
@@ -170,7 +170,7 @@ fn overview(document: &ComparisonDocument) -> String {
     let ratio = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}"));
     let row = |s: &ComparedRecord| {
         let mut row = vec![
-            label(&s.name, &s.order),
+            label(&s.name, s.order),
             s.positions.to_string(),
             wording::seconds(s.overhead_s),
             wording::number(s.rms_sigma_deg_per_h),
@@ -209,7 +209,7 @@ fn coefficients(document: &ComparisonDocument) -> String {
                 .map(|c| (c.name.name(), Align::Right)),
         );
         let row = |s: &ComparedRecord| {
-            let mut row = vec![label(&s.name, &s.order)];
+            let mut row = vec![label(&s.name, s.order)];
             let sigma = s.coefficients[shown.clone()].iter();
             row.extend(sigma.map(|c| wording::number(1e3 * c.sigma_deg_per_h)));
             row

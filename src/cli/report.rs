@@ -29,7 +29,7 @@ pub(super) fn search(
     }
     // What stays unobservable has been said.
     let is_said = document.unobservable.is_all_of(&document.reason);
-    if document.status != Status::Converged.name() && !is_said {
+    if document.status != Status::Converged && !is_said {
         text.push_str(&wrap(&format!("{}: {}", document.status, document.reason)));
     }
     if !document.pareto.is_empty() {

@@ -7,8 +7,8 @@
 //!   [`Gramian`].
 //!
 //! [`Measure`] names them and the paper's own, one number per coefficient each, larger meaning
-//! better observable, and [`rank_correlation`] tells how far such numbers agree with the accuracy
-//! that the filter achieves. `examples/04_methods_compared.rs` prints the comparison.
+//! better observable. `examples/04_methods_compared.rs` tells how far such numbers agree with the
+//! accuracy that the filter achieves.
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -357,45 +357,6 @@ pub fn orders(model: &CovarianceModel, timeline: &Timeline) -> [Option<Order>; C
     DriftCoefficient::ALL.map(|c| spaces.order_of(&Combination::single(c)))
 }
 
-/// Spearman's rank correlation of two equally long lists, ties sharing their mean rank; none
-/// where one of them is constant, holds a NaN, or there are fewer than two numbers.
-///
-/// ```
-/// use scheme_opt::internals::observability::classical::rank_correlation;
-/// assert_eq!(rank_correlation(&[1.0, 2.0, 9.0], &[0.1, 0.2, 0.3]), Some(1.0));
-/// assert_eq!(rank_correlation(&[1.0, 1.0, 1.0], &[0.1, 0.2, 0.3]), None);
-/// ```
-pub fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
-    if a.len() != b.len() || a.iter().chain(b).any(|v| v.is_nan()) {
-        return None;
-    }
-    let (a, b) = (ranks(a), ranks(b));
-    let mean = (a.len() as f64 - 1.0) / 2.0;
-    let product = |x: &[f64], y: &[f64]| -> f64 {
-        x.iter().zip(y).map(|(x, y)| (x - mean) * (y - mean)).sum()
-    };
-    let size = (product(&a, &a) * product(&b, &b)).sqrt();
-    (size > 0.0).then(|| product(&a, &b) / size)
-}
-
-/// Ranks from 0, ties sharing their mean. Values within 1e-9 of each other are ties.
-fn ranks(values: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..values.len()).collect();
-    order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
-    let mut ranks = vec![0.0; values.len()];
-    let mut first = 0;
-    while first < order.len() {
-        let lowest = values[order[first]];
-        let tied = |&&i: &&usize| values[i] - lowest <= 1e-9 * lowest.abs();
-        let count = order[first..].iter().take_while(tied).count().max(1);
-        for &i in &order[first..first + count] {
-            ranks[i] = first as f64 + (count as f64 - 1.0) / 2.0;
-        }
-        first += count;
-    }
-    ranks
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -451,18 +412,6 @@ mod tests {
             );
             assert_eq!(matrix.singular_values.len(), STATES);
         }
-    }
-
-    #[test]
-    fn rank_correlation_knows_ties_and_opposites() {
-        let up = [1.0, 2.0, 3.0, 4.0];
-        let down = [4.0, 3.0, 2.0, 1.0];
-        assert_eq!(rank_correlation(&up, &down), Some(-1.0));
-        // Ranks 0.5 0.5 2.5 2.5 against 0 1 2 3: 4/√(4·5).
-        let tied = rank_correlation(&[0.5, 0.5, 1.0, 1.0], &up).unwrap();
-        assert!((tied - 4.0 / 20.0_f64.sqrt()).abs() < 1e-15);
-        assert_eq!(rank_correlation(&up, &[f64::NAN; 4]), None);
-        assert_eq!(rank_correlation(&[1.0], &[2.0]), None);
     }
 
     #[test]

@@ -71,11 +71,6 @@ impl Combination {
         CoefficientVector::from_fn(|i, _| self.weights[i])
     }
 
-    /// The weight of ω_N ψ_y^n(0).
-    pub const fn azimuth_weight(&self) -> f64 {
-        self.weights[COEFFICIENTS]
-    }
-
     /// The names of what occurs with a weight of `least` or more.
     pub(super) fn names(&self, least: f64) -> Vec<&'static str> {
         let occurs = self.weights.iter().enumerate();
@@ -171,6 +166,6 @@ mod tests {
         let weights = CoefficientVector::from_fn(|i, _| i as f64);
         let c = Combination::from_weights(&weights, -2.0);
         assert_eq!(c.coefficients(), weights);
-        assert_eq!(c.azimuth_weight(), -2.0);
+        assert_eq!(c.as_array()[COEFFICIENTS], -2.0);
     }
 }

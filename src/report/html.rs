@@ -212,7 +212,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
         .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
         .ok_or_else(|| Error::input("the comparison holds no schedule").with_key("schedules"))?;
     let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
-    let name = tables::name(&best.name, &best.order);
+    let name = tables::name(&best.name, best.order);
     let mut verdict = vec![side_by_side(document, best, &name)];
     verdict.extend(accuracy_words(&subject, words::specification));
     let (within, _) = standing(&subject, words::specification);
@@ -223,7 +223,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     ];
     let skipped = document.skipped.iter();
     let skipped =
-        skipped.map(|s| format!("{}: not run, {}", tables::name(&s.name, &s.order), s.reason));
+        skipped.map(|s| format!("{}: not run, {}", tables::name(&s.name, s.order), s.reason));
     blocks.extend(list(skipped.collect()));
     let mut sections = vec![
         Section::new("verdict", "Verdict", vec![verdict_block(verdict)]),
@@ -233,7 +233,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     let names: Vec<&str> = document
         .schedules
         .iter()
-        .filter(|s| s.order == crate::compare::PositionOrder::AsGiven.name())
+        .filter(|s| s.order == crate::compare::PositionOrder::AsGiven)
         .map(|s| s.name.as_str())
         .collect();
     let mut command = format!(

@@ -87,7 +87,7 @@ pub fn verdict(document: &ResultDocument) -> String {
             score.criterion_unit
         ),
     };
-    // As good as others by a criterion that no schedule can make good says nothing.
+    // Where no schedule can make the criterion good, to be as good as the others says nothing.
     let compares = score.known_before.is_none() && document.unobservable.is_acceptable();
     let best = document.best_baseline().filter(|_| compares);
     let comparison = best.map_or_else(String::new, |best| {
@@ -206,13 +206,20 @@ pub fn simulated(document: &SimulationDocument) -> Vec<String> {
     }
 }
 
-/// Where an average lies, beside its bounds.
-pub fn place(c: &Consistency) -> &'static str {
-    match c.verdict {
+/// Cells of a table of averages: what is expected (the degrees of freedom), what was found, the
+/// bounds, and where it lies.
+pub fn consistency(c: &Consistency) -> [String; 4] {
+    let place = match c.verdict {
         Verdict::Consistent => "within",
         Verdict::Pessimistic => "below",
         _ => "above",
-    }
+    };
+    [
+        c.degrees_of_freedom.to_string(),
+        number(c.average),
+        format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
+        place.to_owned(),
+    ]
 }
 
 /// How the bounds of a simulation's averages are to be read.

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
-use crate::analysis::suggest::{NoSuggestion, Standing, Suggestion};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+pub use crate::analysis::suggest::Standing;
+use crate::analysis::suggest::{NoSuggestion, Suggestion};
 use crate::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::Evaluation;
 use crate::observability::classical::PiecewiseConstant;
 use crate::observability::nearly::{Nearly, ToldQuantity};
@@ -299,34 +299,13 @@ pub struct SuggestionRecord {
     /// The position and how long to hold it.
     pub position: PositionRecord,
     /// The schedule as it is.
-    pub before: StandingRecord,
+    pub before: Standing,
     /// With the position added.
-    pub after: StandingRecord,
+    pub after: Standing,
     /// As it is, its dwells stretched to the same total time.
-    pub same_time: StandingRecord,
+    pub same_time: Standing,
     /// How many attitudes were examined.
     pub examined: usize,
-}
-
-/// How a schedule stands.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[non_exhaustive]
-pub struct StandingRecord {
-    /// Duration of the test, s.
-    pub total_time_s: f64,
-    /// Value of the criterion, °/h (max-ratio: 1).
-    pub criterion: f64,
-    /// √(mean of the coefficient variances), °/h.
-    pub rms_sigma_deg_per_h: f64,
-    /// RMS σ of the target combinations, of length one each, °/h.
-    pub target_sigma_deg_per_h: f64,
-    /// Smallest separability of a coefficient.
-    pub least_separability: f64,
-    /// Rank of all channels.
-    pub rank: usize,
-    /// Rank of the channels of order 1 and below.
-    pub rank_first_order: usize,
 }
 
 impl AnalysisDocument {
@@ -372,15 +351,6 @@ impl AnalysisDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(schedule)),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }
 
@@ -545,24 +515,10 @@ impl From<&Suggestion> for SuggestionRecord {
                 move_measured: None,
                 change_deg: None,
             },
-            before: (&s.before).into(),
-            after: (&s.after).into(),
-            same_time: (&s.same_time).into(),
+            before: s.before,
+            after: s.after,
+            same_time: s.same_time,
             examined: s.examined,
-        }
-    }
-}
-
-impl From<&Standing> for StandingRecord {
-    fn from(s: &Standing) -> Self {
-        Self {
-            total_time_s: s.total_time_s,
-            criterion: s.criterion,
-            rms_sigma_deg_per_h: s.rms_sigma_deg_per_h,
-            target_sigma_deg_per_h: s.target_sigma_deg_per_h,
-            least_separability: s.least_separability,
-            rank: s.rank,
-            rank_first_order: s.rank_first_order,
         }
     }
 }

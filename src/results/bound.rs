@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
-use crate::certificate::{Bound, Certifier, CriterionBound, MinimumTime, Remark};
+use crate::certificate::{Bound, Certifier, CriterionBound, Majorant, MinimumTime, Remark};
 use crate::config::{Mode, StudyConfig};
 use crate::drift::{CoefficientVector, DriftCoefficient};
-use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
 use crate::suspicion::WarningRecord;
@@ -49,8 +48,8 @@ pub struct BoundDocument {
     /// How much of the relaxed problem's own optimum the bound misses, relatively: the gap of the
     /// Kiefer–Wolfowitz equivalence theorem, with the maximum over all attitudes from above.
     pub equivalence_gap: f64,
-    /// How information is majorised, `separated` or `isotropic`; null: nothing is measured.
-    pub majorant: Option<String>,
+    /// How information is majorised; null: nothing is measured.
+    pub majorant: Option<Majorant>,
     /// Time mean of the majorant for North (x), Up (y) and East (z): no more information per second
     /// comes from the drift rate in that channel, (°/h)⁻² s⁻¹; null: nothing is measured.
     pub delta: Option<DeltaRecord>,
@@ -105,7 +104,7 @@ impl BoundDocument {
             minimum_time_s: minimum_time.and_then(seconds),
             minimum_time: minimum_time.map(|time| time.to_string()),
             equivalence_gap: bound.criterion.equivalence_gap,
-            majorant: majorant.map(|m| m.kind.name().to_owned()),
+            majorant: majorant.map(|m| m.kind),
             delta: majorant.map(|m| DeltaRecord {
                 x: m.delta[0],
                 y: m.delta[1],
@@ -117,15 +116,6 @@ impl BoundDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, None),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }
 
@@ -260,7 +250,8 @@ pub(super) fn front_bounds(
         .par_iter()
         .map(|&time_s| {
             let bound = certifier.criterion_bound(&objective.criterion, time_s);
-            // The front stands without it; `bound` at this time says what is wrong.
+            // A point whose bound cannot be computed is shown without it; the command `bound` at its
+            // time says why.
             bound.ok().as_ref().and_then(useful)
         })
         .collect()

@@ -1,10 +1,6 @@
-//! What every document is made with: its inputs, and how it is written.
+//! What every document is made with.
 
-use serde::Serialize;
-
-use super::layout::Layout;
 use crate::config::StudyConfig;
-use crate::error::{Error, Result};
 use crate::schedule::Schedule;
 use crate::suspicion::{self, WarningRecord};
 
@@ -29,17 +25,4 @@ pub(super) fn warnings(inputs: &Inputs, schedule: Option<&Schedule>) -> Vec<Warn
 /// JSON knows finite numbers only.
 pub(super) fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
-}
-
-pub(super) fn to_json(document: &impl Serialize) -> Result<String> {
-    let failed = |e: Box<dyn std::error::Error + Send + Sync>| {
-        Error::numerical(format!("the document cannot be written as JSON: {e}")).with_source(e)
-    };
-    let mut bytes = Vec::new();
-    let mut serializer = serde_json::Serializer::with_formatter(&mut bytes, Layout::default());
-    document
-        .serialize(&mut serializer)
-        .map_err(|e| failed(e.into()))?;
-    bytes.push(b'\n');
-    String::from_utf8(bytes).map_err(|e| failed(e.into()))
 }

@@ -2,12 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
-use crate::compare::{ComparedSchedule, Proof, Terms};
+use crate::compare::{ComparedSchedule, PositionOrder, Proof, Terms};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
@@ -52,9 +51,8 @@ pub struct ComparisonDocument {
 pub struct ComparedRecord {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
-    /// `as-given`; `best`: the best order of the same positions, proven; or `best-found`: the best
-    /// that was found of them.
-    pub order: String,
+    /// In which order its positions are visited.
+    pub order: PositionOrder,
     /// Whether the order is proven to be the best; absent for an order as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub order_proof: Option<Proof>,
@@ -120,8 +118,8 @@ pub struct ComparedCoefficient {
 pub struct SkippedContender {
     /// File, or `standard:` and the name of a built-in scheme.
     pub name: String,
-    /// `as-given`, `best` or `best-found`.
-    pub order: String,
+    /// In which order its positions are visited.
+    pub order: PositionOrder,
     /// Why it cannot be run.
     pub reason: String,
 }
@@ -141,7 +139,7 @@ impl ComparisonDocument {
                 Ok((schedule, evaluation)) => found.push((c, schedule, evaluation)),
                 Err(error) => skipped.push(SkippedContender {
                     name: c.name.clone(),
-                    order: c.order.name().to_owned(),
+                    order: c.order,
                     reason: error.to_string(),
                 }),
             }
@@ -181,15 +179,6 @@ impl ComparisonDocument {
             ..w.into()
         }));
     }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
-    }
 }
 
 fn record(
@@ -202,7 +191,7 @@ fn record(
     let rms = Evaluation::rms_sigma_deg_per_h;
     ComparedRecord {
         name: compared.name.clone(),
-        order: compared.order.name().to_owned(),
+        order: compared.order,
         order_proof: compared.order_search.map(|search| search.proof),
         order_steps: compared.order_search.map(|search| search.steps),
         positions: schedule.positions().len(),

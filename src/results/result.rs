@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bound::{CertificateRecord, front_bounds};
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::counters::CounterRecord;
 use super::evaluation::EvaluationDocument;
 use crate::analysis::{Unobservable, not_observed};
@@ -11,10 +11,9 @@ use crate::baseline::Baseline;
 use crate::certificate::Certifier;
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::Objective;
 use crate::schedule::file::ScheduleDocument;
-use crate::search::{FrontPoint, SearchOutcome};
+use crate::search::{FrontPoint, SearchOutcome, Status};
 use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`ResultDocument`].
@@ -29,8 +28,8 @@ pub struct ResultDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
-    /// How the search ended: `converged`, `time-limit`, `interrupted`, `infeasible`.
-    pub status: String,
+    /// How the search ended.
+    pub status: Status,
     /// The same in words.
     pub reason: String,
     /// The recommended schedule.
@@ -188,7 +187,7 @@ impl ResultDocument {
         Self {
             schema: RESULT_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
-            status: outcome.status.name().to_owned(),
+            status: outcome.status,
             reason: outcome.reason.to_string(),
             schedule: ScheduleDocument::from(&outcome.schedule),
             unobservable: (&outcome.unobservable).into(),
@@ -204,15 +203,6 @@ impl ResultDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(&outcome.schedule)),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 
     /// The same without what may differ between two runs of the same input: the duration of the

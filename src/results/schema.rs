@@ -12,9 +12,10 @@ use serde::Serialize;
 
 use super::analysis::AnalysisDocument;
 use super::bound::BoundDocument;
-use super::common::{TOOL_VERSION, to_json};
+use super::common::TOOL_VERSION;
 use super::comparison::ComparisonDocument;
 use super::evaluation::EvaluationDocument;
+use super::json::to_json;
 use super::result::ResultDocument;
 use super::schemes::SchemeListDocument;
 use super::simulation::SimulationDocument;

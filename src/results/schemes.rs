@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::common::{TOOL_VERSION, to_json};
-use crate::error::Result;
+use super::common::TOOL_VERSION;
 use crate::schedule::standard::StandardScheme;
 
 /// Name and major version of the [`SchemeListDocument`].
@@ -54,14 +53,5 @@ impl SchemeListDocument {
             tool_version: TOOL_VERSION.to_owned(),
             schemes: StandardScheme::ALL.into_iter().map(record).collect(),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }

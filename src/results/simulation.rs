@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::error::Result;
 use crate::evaluate::MISALIGNMENT_NAMES;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
@@ -12,10 +11,12 @@ use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::divergence::Divergence;
 use crate::simulate::judgement::Judgement;
 use crate::simulate::specification::SpecificationCheck;
-use crate::simulate::{MonteCarlo, SimulationOptions, StateCheck, SweepPoint};
+use crate::simulate::{
+    FilterModel, MonteCarlo, SimulationOptions, StateCheck, SweepPoint, TruthModel,
+};
 use crate::suspicion::WarningRecord;
 
-use super::common::{Inputs, TOOL_VERSION, finite, to_json, warnings};
+use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
@@ -35,10 +36,10 @@ pub struct SimulationDocument {
     pub runs: usize,
     /// Seed of the random streams.
     pub seed: u64,
-    /// Equations of the true platform: `nonlinear` or `first-order`.
-    pub truth: String,
-    /// What the filter linearises about: `linear`, `extended` or `iterated`.
-    pub filter: String,
+    /// Equations of the true platform.
+    pub truth: TruthModel,
+    /// What the filter linearises about.
+    pub filter: FilterModel,
     /// Accelerometer noise told to the filter, as a factor of the true one.
     pub told_accelerometer_factor: f64,
     /// Random drift told to the filter, as a factor of the true one.
@@ -238,8 +239,8 @@ impl SimulationDocument {
             total_time_s: found.total_time_s,
             runs: found.runs,
             seed: found.seed,
-            truth: options.truth.name().to_owned(),
-            filter: options.filter.name().to_owned(),
+            truth: options.truth,
+            filter: options.filter,
             told_accelerometer_factor: options.told.accelerometer_factor,
             told_random_drift_factor: options.told.random_drift_factor,
             verdict: judgement.verdict,
@@ -265,14 +266,5 @@ impl SimulationDocument {
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(schedule)),
         }
-    }
-
-    /// The document as JSON text.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when it cannot be written as JSON.
-    pub fn to_json(&self) -> Result<String> {
-        to_json(self)
     }
 }

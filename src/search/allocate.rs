@@ -74,7 +74,7 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
     let mut next = plan.clone();
     for (k, change) in step.iter().enumerate().rev() {
         next.dwell_s[k] += change;
-        // From the last on, so that the places of the others stay.
+        // From the last on, so that removing one does not shift those still to come.
         if next.dwell_s[k] < shortest {
             next.remove(k);
         }

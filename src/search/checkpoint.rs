@@ -23,13 +23,7 @@ pub(super) trait Memorable: Sized {
 
 impl Memorable for Refined {
     fn to_finished(&self) -> FinishedPlan {
-        FinishedPlan {
-            angles_rad: self.plan.angles.clone(),
-            dwell_s: self.plan.dwell_s.clone(),
-            changes_rad: said(&self.plan),
-            merit: self.merit,
-            criterion: None,
-        }
+        finished(&self.plan, self.merit, None)
     }
 
     fn from_finished(finished: FinishedPlan) -> Option<Self> {
@@ -42,13 +36,7 @@ impl Memorable for Refined {
 
 impl Memorable for Candidate {
     fn to_finished(&self) -> FinishedPlan {
-        FinishedPlan {
-            angles_rad: self.plan.angles.clone(),
-            dwell_s: self.plan.dwell_s.clone(),
-            changes_rad: said(&self.plan),
-            merit: self.merit,
-            criterion: Some(self.criterion),
-        }
+        finished(&self.plan, self.merit, Some(self.criterion))
     }
 
     fn from_finished(finished: FinishedPlan) -> Option<Self> {
@@ -60,11 +48,17 @@ impl Memorable for Candidate {
     }
 }
 
-/// The ways of a plan as far as there is something to say.
-fn said(plan: &Plan) -> Vec<Option<[f64; 3]>> {
-    match plan.ways.iter().any(Option::is_some) {
-        true => plan.ways.clone(),
-        false => Vec::new(),
+fn finished(plan: &Plan, merit: f64, criterion: Option<f64>) -> FinishedPlan {
+    FinishedPlan {
+        angles_rad: plan.angles.clone(),
+        dwell_s: plan.dwell_s.clone(),
+        // Left out where every move takes the short way.
+        changes_rad: match plan.ways.iter().any(Option::is_some) {
+            true => plan.ways.clone(),
+            false => Vec::new(),
+        },
+        merit,
+        criterion,
     }
 }
 
@@ -111,7 +105,7 @@ impl Context<'_> {
         let Finished { plan, counters } = self.control.journal()?.recall(name)?;
         let result = match plan {
             None => None,
-            // What no search writes is done anew.
+            // An entry that no search could have written: the work is done anew.
             Some(plan) => Some(T::from_finished(plan)?),
         };
         self.work.add(counters);
@@ -128,7 +122,8 @@ impl Context<'_> {
             && !self.control.should_stop()
             && plan.as_ref().is_none_or(FinishedPlan::is_finite)
         {
-            // Once a search is to stop, what is left of it goes another way.
+            // A search that is to stop cuts its steps short, so what it does then is not what a
+            // continued search would do and must not be remembered.
             let counters = own.counters();
             journal.record(name, Finished { plan, counters });
         }

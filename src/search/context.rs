@@ -20,6 +20,11 @@ pub(crate) struct Context<'a> {
 }
 
 impl Context<'_> {
+    /// The same for another problem.
+    pub fn on<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
+        Context { problem, ..*self }
+    }
+
     /// Whether to stop, remembering that work was left undone.
     pub fn must_stop(&self) -> bool {
         let stop = self.control.should_stop();
@@ -67,7 +72,7 @@ impl WorkDone {
     }
 
     fn refinements(&self) -> MutexGuard<'_, RefinementCounters> {
-        // A panic elsewhere leaves whole numbers.
+        // A thread that panicked holding the lock left counters that are right as far as it got.
         self.refinements
             .lock()
             .unwrap_or_else(PoisonError::into_inner)

@@ -158,7 +158,7 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
         let refined = refine_angles(context, &plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined {
             let settled = rounded(platform, &refined.plan);
-            // With a kink the smooth form may have led away from the criterion.
+            // Where the criterion has a kink, the smooth form that was refined may be worse by it.
             if exact_merit(context, &settled) < exact_merit(context, &plan) {
                 plan = settled;
             }
@@ -262,7 +262,7 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     context.work.count_evaluations(1);
     let timeline = plan.timeline(evaluator.platform());
-    // Without figures it is no candidate.
+    // A plan that cannot be evaluated is no candidate.
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
     let end = evaluator
         .model()

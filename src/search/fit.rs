@@ -124,16 +124,10 @@ mod tests {
     use super::*;
     use crate::attitude::Position;
     use crate::motion::Timeline;
-    use crate::platform::PlatformConfig;
     use crate::schedule::Schedule;
     use crate::schedule::ScheduledPosition;
     use crate::search::still::{still, stillest};
-
-    fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
-        let mut config = PlatformConfig::default();
-        change(&mut config);
-        config.check().unwrap()
-    }
+    use crate::testing::platform;
 
     #[test]
     fn the_least_time_is_that_of_staying_where_the_platform_stands() {

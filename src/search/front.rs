@@ -44,9 +44,12 @@ pub fn front(
     }
     let searched = what_depends_on_the_schedule(evaluator);
     let sweep = FrontSweep {
-        evaluator: searched.as_ref().unwrap_or(evaluator),
-        control,
-        work: &work,
+        context: Context {
+            evaluator: searched.as_ref().unwrap_or(evaluator),
+            problem,
+            control,
+            work: &work,
+        },
         problems: problems(evaluator, problem, points.max(1)),
     };
     let mut candidates = sweep.forward()?;
@@ -56,7 +59,7 @@ pub fn front(
     control.report(Phase::Checking, 1, 1, None);
     let longest = schedules.last().ok_or_else(nothing_fits)?.clone();
     let mut outcome = conclude(evaluator, control, &work, longest)?;
-    outcome.front = feasible_points(sweep.evaluator, schedules)?;
+    outcome.front = feasible_points(sweep.context.evaluator, schedules)?;
     match outcome.front.last() {
         Some(last) => {
             // A front has no specification to meet; its points say what can be met when.
@@ -131,28 +134,18 @@ fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Ve
 }
 
 struct FrontSweep<'a> {
-    evaluator: &'a Evaluator,
-    control: &'a Control,
-    work: &'a WorkDone,
+    /// With the problem of the longest test.
+    context: Context<'a>,
     problems: Vec<SearchProblem>,
 }
 
 impl FrontSweep<'_> {
-    fn context<'b>(&'b self, problem: &'b SearchProblem) -> Context<'b> {
-        Context {
-            evaluator: self.evaluator,
-            problem,
-            control: self.control,
-            work: self.work,
-        }
-    }
-
     /// From the shortest test on, each warm-started from the one before.
     fn forward(&self) -> Result<Vec<Option<Candidate>>> {
         let mut found: Vec<Option<Candidate>> = Vec::new();
         let mut last_error = None;
         for problem in &self.problems {
-            if !found.is_empty() && self.context(problem).must_stop() {
+            if !found.is_empty() && self.context.on(problem).must_stop() {
                 found.push(None);
                 continue;
             }
@@ -163,7 +156,7 @@ impl FrontSweep<'_> {
                 .map(|c| c.plan.clone())
                 .into_iter()
                 .collect();
-            match best_candidate(self.context(problem), &warm) {
+            match best_candidate(self.context.on(problem), &warm) {
                 Ok(candidate) => found.push(Some(candidate)),
                 Err(e) if e.is_infeasible() || e.is_numerical() => {
                     last_error = Some(e);
@@ -187,7 +180,7 @@ impl FrontSweep<'_> {
             .into_par_iter()
             .filter_map(|(problem, candidate)| Some((problem, candidate.as_ref()?)))
             .map(|(problem, candidate)| {
-                let context = self.context(problem);
+                let context = self.context.on(problem);
                 if problem.allow_tumbling
                     && !context.must_stop()
                     && let Some((criterion, turning)) = tumble(context, &candidate.plan)
@@ -195,7 +188,9 @@ impl FrontSweep<'_> {
                 {
                     return Ok(turning);
                 }
-                candidate.plan.to_schedule(self.evaluator.platform())
+                candidate
+                    .plan
+                    .to_schedule(self.context.evaluator.platform())
             })
             .collect()
     }
@@ -223,16 +218,16 @@ impl FrontSweep<'_> {
 
     fn offer(&self, found: &mut [Option<Candidate>], from: usize, to: usize) {
         let problem = &self.problems[to];
-        let context = self.context(problem);
+        let context = self.context.on(problem);
         if context.must_stop() {
             return;
         }
         let plan = found[from].as_ref().and_then(|c| {
             c.plan
                 .clone()
-                .fitted(self.evaluator.platform(), problem.total_time_s)
+                .fitted(self.context.evaluator.platform(), problem.total_time_s)
         });
-        let stage = self.work.next_stage();
+        let stage = self.context.work.next_stage();
         let name = || format!("{stage}/offer");
         let offered =
             plan.and_then(|plan| context.remembered(name, |context| finish(context, &plan)));

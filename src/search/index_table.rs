@@ -357,7 +357,8 @@ fn exchange_once(
     let platform = context.evaluator.platform();
     let mut positions = 0..current.plan.angles.len();
     while !positions.is_empty() {
-        // Good for all positions until one of them is exchanged.
+        // The estimates rest on the plan as it is: they serve one position after the other until
+        // one of them is exchanged, and are made anew then.
         let timeline = current.plan.timeline(platform);
         let estimates = Estimates::new(context, smoothing, &current.plan, &timeline);
         for k in positions.by_ref() {

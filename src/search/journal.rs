@@ -95,7 +95,7 @@ impl Journal {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Finished>> {
-        // A panic elsewhere leaves whole entries.
+        // A thread that panicked holding the lock left whole entries: each is inserted at once.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

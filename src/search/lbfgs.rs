@@ -229,7 +229,8 @@ impl Lbfgs {
         subtract(&mut pair.s, &self.trial, &self.x);
         subtract(&mut pair.y, gradient, &self.gradient);
         let curvature = dot(&pair.s, &pair.y);
-        // The Wolfe conditions make it positive; a step taken for want of trials may not.
+        // Positive after a step that meets the Wolfe conditions. A step that was taken because the
+        // trials were used up need not, and its pair would spoil the approximation.
         if curvature > f64::EPSILON * dot(&pair.y, &pair.y) {
             pair.per_curvature = 1.0 / curvature;
             self.pairs.push_back(pair);
@@ -252,7 +253,7 @@ impl Lbfgs {
         self.turn();
         let mut slope = dot(&self.gradient, &self.direction);
         if slope.is_nan() || slope >= 0.0 {
-            // Rounding has spoilt the pairs: steepest descent.
+            // Only rounding in the pairs can point uphill: forget them, steepest descent.
             self.pairs.clear();
             self.turn();
             slope = dot(&self.gradient, &self.direction);

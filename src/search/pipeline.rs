@@ -56,9 +56,10 @@ fn best_in(
     let settle = |context: Context<'_>, _, plan: Plan| workshop.settle(context, &plan, smoothing);
     let mut settled = in_parallel(context, stage, Phase::Finishing, plans, settle);
     settled.sort_by(|a, b| a.merit.total_cmp(&b.merit));
-    // The same basin twice is worked on once.
+    // Plans of so nearly the same merit are in the same basin: one of them is enough.
     settled.dedup_by(|b, a| b.merit - a.merit < SAME_BASIN);
-    // A neighbouring problem has been improved already.
+    // Warm plans come from a neighbouring problem, for which they were improved already; the best
+    // alone is worth improving again.
     settled.truncate(if warm.is_empty() { IMPROVED } else { 1 });
     let improve = |context: Context<'_>, stream: u64, plan: Refined| {
         let (smoothing, plan) = sharpened(context, workshop, plan);
@@ -170,7 +171,8 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
 fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
     let table = IndexTable::new(context.evaluator.platform()).filter(IndexTable::is_coarse);
     let mut refined = match &table {
-        // Free angles say little about a coarse table.
+        // On a coarse table rounding changes a plan too much for its merit with free angles to say
+        // which plans are good: each is improved on the table itself.
         Some(table) => in_parallel(
             context,
             stage,

@@ -1,5 +1,7 @@
 //! What is asked of a search, and what it answers.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::reason::Reason;
@@ -40,7 +42,9 @@ impl Default for SearchProblem {
 }
 
 /// How a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// All starts were worked through.
     Converged,
@@ -61,6 +65,12 @@ impl Status {
             Self::Interrupted => "interrupted",
             Self::Infeasible => "infeasible",
         }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -213,15 +213,8 @@ fn order_by_nearest(platform: &Platform, positions: &mut [Position]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Objective;
     use crate::motion::Timeline;
-    use crate::platform::PlatformConfig;
-
-    fn evaluator(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
-        let mut config = PlatformConfig::default();
-        change(&mut config);
-        Evaluator::new(config.check().unwrap(), Objective::default())
-    }
+    use crate::testing::evaluator;
 
     #[test]
     fn starts_are_within_limits_and_time() {

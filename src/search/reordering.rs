@@ -68,7 +68,8 @@ fn changes(count: usize) -> Vec<Reordering> {
         }
         for length in 1..=LONGEST_SEGMENT.min(count - from) {
             for to in 0..=count - length {
-                // Next door is the same as a neighbour's displacement, or a reversal of two.
+                // By one place is the same as displacing the neighbour instead, or as reversing the
+                // two, which is listed already.
                 let distance = to.abs_diff(from);
                 if distance > 1 || (distance == 1 && length == 2) {
                     all.push(Reordering::Move { from, length, to });

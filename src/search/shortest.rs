@@ -68,10 +68,12 @@ pub fn shortest(
         return search(evaluator, problem, control);
     }
     let root = RootSearch {
-        evaluator,
-        problem,
-        control,
-        work: &work,
+        context: Context {
+            evaluator,
+            problem,
+            control,
+            work: &work,
+        },
     };
     let longest = root.point(problem.total_time_s, problem.starts, &[])?;
     if longest.criterion > 1.0 {
@@ -95,10 +97,7 @@ pub fn shortest(
 }
 
 struct RootSearch<'a> {
-    evaluator: &'a Evaluator,
-    problem: &'a SearchProblem,
-    control: &'a Control,
-    work: &'a WorkDone,
+    context: Context<'a>,
 }
 
 impl RootSearch<'_> {
@@ -107,24 +106,21 @@ impl RootSearch<'_> {
         let problem = SearchProblem {
             total_time_s,
             starts,
-            ..self.problem.clone()
+            ..self.context.problem.clone()
         };
-        let context = Context {
-            evaluator: self.evaluator,
-            problem: &problem,
-            control: self.control,
-            work: self.work,
-        };
-        best_candidate(context, warm)
+        best_candidate(self.context.on(&problem), warm)
     }
 
     /// Narrows [infeasible, feasible] around the shortest time, keeping the feasible end.
     fn narrow(&self, longest: Candidate) -> Result<Candidate> {
-        let shortest_s = LeastTime::of(self.evaluator.platform()).total_s();
+        let shortest_s = LeastTime::of(self.context.evaluator.platform()).total_s();
         let log_ratio = |c: &Candidate| libm::log(c.criterion.max(f64::MIN_POSITIVE));
-        let mut high = (libm::log(self.problem.total_time_s), log_ratio(&longest));
+        let mut high = (
+            libm::log(self.context.problem.total_time_s),
+            log_ratio(&longest),
+        );
         let mut best = longest;
-        // Until something fails, a line of slope −POWER stands for the other end.
+        // Until a test fails, the power law stands in for the failing end of the bracket.
         let mut low: Option<(f64, f64)> = None;
         for _ in 0..STEPS {
             if self.stop() || low.is_some_and(|low| libm::exp(high.0 - low.0) - 1.0 < WIDTH) {
@@ -135,7 +131,7 @@ impl RootSearch<'_> {
                 Some(low) => low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1),
             };
             let total_time_s = libm::exp(guess).max(shortest_s);
-            let starts = (self.problem.starts / 4).max(4);
+            let starts = (self.context.problem.starts / 4).max(4);
             let warm = [best.plan.clone()];
             match self.point(total_time_s, starts, &warm) {
                 Ok(c) if c.criterion <= 1.0 => {
@@ -159,18 +155,12 @@ impl RootSearch<'_> {
     }
 
     fn stop(&self) -> bool {
-        let context = Context {
-            evaluator: self.evaluator,
-            problem: self.problem,
-            control: self.control,
-            work: self.work,
-        };
-        context.must_stop()
+        self.context.must_stop()
     }
 
     /// Takes off whole periods, where it costs least, as long as the specification holds.
     fn trim(&self, mut plan: Plan) -> Plan {
-        let platform = self.evaluator.platform();
+        let platform = self.context.evaluator.platform();
         let period = platform.period_s;
         let shortest_s = platform.shortest_dwell_s();
         loop {
@@ -191,10 +181,10 @@ impl RootSearch<'_> {
     /// A shorter test that turns while it measures, if that is allowed and there is one: the
     /// plan's time is shortened as long as turning makes up for it.
     fn turning(&self, plan: &Plan) -> Option<Schedule> {
-        if !self.problem.allow_tumbling {
+        if !self.context.problem.allow_tumbling {
             return None;
         }
-        let platform = self.evaluator.platform();
+        let platform = self.context.evaluator.platform();
         let mut shortest_s = plan.timeline(platform).total_time_s();
         let mut trial_s = shortest_s;
         let mut best = None;
@@ -204,22 +194,16 @@ impl RootSearch<'_> {
             }
             let problem = SearchProblem {
                 total_time_s: trial_s,
-                ..self.problem.clone()
-            };
-            let context = Context {
-                evaluator: self.evaluator,
-                problem: &problem,
-                control: self.control,
-                work: self.work,
+                ..self.context.problem.clone()
             };
             let turned = plan.clone().fitted(platform, trial_s);
-            match turned.and_then(|plan| tumble(context, &plan)) {
+            match turned.and_then(|plan| tumble(self.context.on(&problem), &plan)) {
                 Some((ratio, schedule)) if ratio <= 1.0 => {
                     best = Some(schedule);
                     shortest_s = trial_s;
                     trial_s *= libm::pow(ratio, 1.0 / POWER);
                 }
-                // Half of the way back to what is known to do.
+                // Too short: try half way back to the shortest test that meets the specification.
                 _ if best.is_some() => trial_s = 0.5 * (trial_s + shortest_s),
                 _ => break,
             }
@@ -232,24 +216,32 @@ impl RootSearch<'_> {
 
     /// The largest ratio of a σ to its specification, by the filter's own tick rule.
     fn ratio(&self, plan: &Plan) -> Option<f64> {
-        self.work.count_evaluations(1);
-        let timeline = plan.timeline(self.evaluator.platform());
+        self.context.work.count_evaluations(1);
+        let timeline = plan.timeline(self.context.evaluator.platform());
         // A plan whose ratio cannot be computed meets nothing.
         let end = self
+            .context
             .evaluator
             .model()
             .end_covariance(&timeline, TickRule::Filter)
             .ok()?;
-        self.evaluator.objective().criterion.value(&end).ok()
+        self.context
+            .evaluator
+            .objective()
+            .criterion
+            .value(&end)
+            .ok()
     }
 
     /// The nearest feasible points: what can be met in this time, what time would be enough.
     fn infeasible(&self, longest: &Candidate) -> Result<SearchOutcome> {
         let mut outcome = conclude(
-            self.evaluator,
-            self.control,
-            self.work,
-            longest.plan.to_schedule(self.evaluator.platform())?,
+            self.context.evaluator,
+            self.context.control,
+            self.context.work,
+            longest
+                .plan
+                .to_schedule(self.context.evaluator.platform())?,
         )?;
         let enough = match self.time_needed(longest) {
             Ok(Some(t)) => EnoughTime::Found(t),
@@ -261,8 +253,11 @@ impl RootSearch<'_> {
             outcome.status = Status::Infeasible;
             outcome.reason = Reason::NotInTime {
                 unobservable: outcome.unobservable.clone(),
-                allowed_s: self.problem.total_time_s,
-                missed: MissedSpecification::all(self.evaluator.objective(), &outcome.evaluation),
+                allowed_s: self.context.problem.total_time_s,
+                missed: MissedSpecification::all(
+                    self.context.evaluator.objective(),
+                    &outcome.evaluation,
+                ),
                 times_as_wide: longest.criterion,
                 enough,
             };
@@ -272,9 +267,9 @@ impl RootSearch<'_> {
 
     /// A time that is enough, within a few per cent of the least.
     fn time_needed(&self, longest: &Candidate) -> Result<Option<f64>> {
-        let limit = LONGEST_TRIAL * self.problem.total_time_s;
-        let starts = (self.problem.starts / 4).max(4);
-        let (mut t, mut ratio) = (self.problem.total_time_s, longest.criterion);
+        let limit = LONGEST_TRIAL * self.context.problem.total_time_s;
+        let starts = (self.context.problem.starts / 4).max(4);
+        let (mut t, mut ratio) = (self.context.problem.total_time_s, longest.criterion);
         let mut plan = longest.plan.clone();
         while ratio > 1.0 && !self.stop() {
             t *= libm::pow(ratio, 1.0 / POWER).max(1.02);

@@ -20,8 +20,11 @@ pub(crate) enum Termination {
     NoMerit,
 }
 
-/// How many refinements of a search (L-BFGS from one plan) ended in which way.
+/// How many refinements ended in which way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", schemars(rename = "RefinementRecord"))]
+#[non_exhaustive]
 pub struct RefinementCounters {
     /// The gradient became shorter than its tolerance.
     pub gradient_converged: u64,

@@ -106,7 +106,7 @@ pub(super) fn refine_side_by_side(
         }
         let progress = advance(context, &variables, smoothing, &mut active);
         let stop = context.must_stop();
-        // From the last on, so that the places of the others stay.
+        // From the last on, so that removing one does not shift those still to come.
         for k in (0..active.len()).rev() {
             if stop || matches!(progress[k], Advance::Ended(_)) {
                 hand_over(active.remove(k).outcome(&variables));

@@ -217,7 +217,7 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
         &variables.decode(&x)?,
     )?;
     let schedule = rounded.to_schedule(platform)?;
-    // A programme that the platform refuses, or that has no figures, is no candidate.
+    // A programme that the platform refuses, or that cannot be evaluated, is no candidate.
     let timeline = Timeline::new(platform, &schedule).ok()?;
     context.work.count_evaluations(1);
     let model = context.evaluator.model();
@@ -243,6 +243,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
+    use crate::testing::assert_gradient;
 
     #[test]
     fn pulled_back_gradient_is_the_derivative() {
@@ -277,17 +278,6 @@ mod tests {
             let timeline = variables.timeline(x).unwrap();
             evaluator.merit(&timeline, Smoothing::Exact).unwrap()
         };
-        for i in 0..x.len() {
-            let h = 1e-6;
-            let (mut hi, mut lo) = (x.clone(), x.clone());
-            hi[i] += h;
-            lo[i] -= h;
-            let numeric = (f(&hi) - f(&lo)) / (2.0 * h);
-            assert!(
-                (numeric - gradient[i]).abs() < 5e-6,
-                "{i}: {numeric} {}",
-                gradient[i]
-            );
-        }
+        assert_gradient(f, &x, &gradient, 5e-6);
     }
 }

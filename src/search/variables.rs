@@ -242,6 +242,7 @@ mod tests {
     use crate::criterion::Smoothing;
     use crate::evaluate::{Evaluator, Objective};
     use crate::platform::PlatformConfig;
+    use crate::testing::assert_gradient;
 
     fn sample_plan() -> Plan {
         let angles = (0..7).map(|k| {
@@ -338,18 +339,7 @@ mod tests {
                 let timeline = variables.decode(x).unwrap().timeline(platform);
                 evaluator.merit(&timeline, Smoothing::Exact).unwrap()
             };
-            for i in 0..x.len() {
-                let h = 1e-6;
-                let (mut hi, mut lo) = (x.clone(), x.clone());
-                hi[i] += h;
-                lo[i] -= h;
-                let numeric = (f(&hi) - f(&lo)) / (2.0 * h);
-                assert!(
-                    (numeric - gradient[i]).abs() < 2e-6,
-                    "{i}: {numeric} {}",
-                    gradient[i]
-                );
-            }
+            assert_gradient(f, &x, &gradient, 2e-6);
         }
     }
 }

@@ -71,29 +71,20 @@ fn alone() -> f64 {
 }
 
 impl Consistency {
-    /// From the `sum` of `count` statistics with `degrees_of_freedom` each.
+    /// From the `sum` of `count` statistics with `degrees_of_freedom` each: one of `among` averages
+    /// that a consistent filter has all within their bounds in 95 of 100 experiments.
     ///
     /// `None` when nothing was summed.
     ///
     /// ```
     /// use scheme_opt::internals::simulate::consistency::{Consistency, Verdict};
-    /// let c = Consistency::of_sum(1500.0, 15, 100).unwrap();
+    /// let c = Consistency::of_sum(1, 1500.0, 15, 100).unwrap();
     /// assert_eq!((c.average, c.verdict), (15.0, Verdict::Consistent));
     /// assert!(c.bounds[0] > 13.9 && c.bounds[1] < 16.1);
-    /// assert_eq!(Consistency::of_sum(2000.0, 15, 100).unwrap().verdict, Verdict::Optimistic);
+    /// let c = Consistency::of_sum(1, 2000.0, 15, 100).unwrap();
+    /// assert_eq!(c.verdict, Verdict::Optimistic);
     /// ```
-    pub fn of_sum(sum: f64, degrees_of_freedom: usize, count: usize) -> Option<Self> {
-        Self::of_sum_among(1, sum, degrees_of_freedom, count)
-    }
-
-    /// The same for one of `among` averages that a consistent filter has all within their bounds
-    /// in 95 of 100 experiments.
-    pub fn of_sum_among(
-        among: usize,
-        sum: f64,
-        degrees_of_freedom: usize,
-        count: usize,
-    ) -> Option<Self> {
+    pub fn of_sum(among: usize, sum: f64, degrees_of_freedom: usize, count: usize) -> Option<Self> {
         let average = sum / count as f64;
         let probability = 1.0 - (1.0 - PROBABILITY) / among as f64;
         Self::new(average, degrees_of_freedom, count, probability)
@@ -187,8 +178,8 @@ mod tests {
 
     #[test]
     fn bounds_among_others_are_wider() {
-        let alone = Consistency::of_sum(15.0 * 100.0, 15, 100).unwrap();
-        let among = Consistency::of_sum_among(3, 15.0 * 100.0, 15, 100).unwrap();
+        let alone = Consistency::of_sum(1, 15.0 * 100.0, 15, 100).unwrap();
+        let among = Consistency::of_sum(3, 15.0 * 100.0, 15, 100).unwrap();
         assert!(among.bounds[0] < alone.bounds[0] && alone.bounds[1] < among.bounds[1]);
         assert_eq!(alone.probability, PROBABILITY);
         assert!((1.0 - among.probability - 0.05 / 3.0).abs() < 1e-15);
@@ -198,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_sum_that_is_no_number_is_not_consistent() {
-        let c = Consistency::of_sum(f64::NAN, 15, 10).unwrap();
+        let c = Consistency::of_sum(1, f64::NAN, 15, 10).unwrap();
         assert_eq!(c.verdict, Verdict::Optimistic);
     }
 }

@@ -211,8 +211,8 @@ impl Simulation {
             let one = &records[0].nees[leg];
             let (states, coefficients) = (sum(|n| n.states), sum(|n| n.coefficients));
             (
-                Consistency::of_sum_among(among, states, one.state_dof, runs),
-                Consistency::of_sum_among(among, coefficients, one.coefficient_dof, runs),
+                Consistency::of_sum(among, states, one.state_dof, runs),
+                Consistency::of_sum(among, coefficients, one.coefficient_dof, runs),
             )
         };
         let check_leg = |(leg, &index): (usize, &usize)| {
@@ -249,7 +249,7 @@ impl Simulation {
             total_time_s: end.as_ref().map_or(0.0, |p| p.end_s),
             nees: end_nees,
             nees_coefficients: end_nees_coefficients,
-            nis: Consistency::of_sum_among(JUDGED, nis, 2, runs * ticks),
+            nis: Consistency::of_sum(JUDGED, nis, 2, runs * ticks),
             divergence: Divergence::of(&squares),
             rms_largest_misalignment_deg: (off.sum::<f64>() / runs as f64).sqrt(),
             positions,

@@ -1,12 +1,17 @@
 //! What is simulated, and with what filter.
 
+use std::fmt;
+
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use crate::drift::CoefficientVector;
 use crate::error::{Error, Result};
 
 /// Equations of the true platform.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum TruthModel {
     /// Exact rotations and specific forces, see the module text.
     #[default]
@@ -28,8 +33,16 @@ impl TruthModel {
     }
 }
 
+impl fmt::Display for TruthModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 /// What the filter linearises about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum FilterModel {
     /// ψ = 0: the paper's linear model.
     Linear,
@@ -51,6 +64,12 @@ impl FilterModel {
             Self::Extended => "extended",
             Self::Iterated => "iterated",
         }
+    }
+}
+
+impl fmt::Display for FilterModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -40,30 +40,11 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// True ψ in the platform frame c, arcsec: what the paper plots.
-    pub fn misalignment_c_arcsec(&self) -> Vector3<f64> {
-        self.attitude.matrix().tr_mul(&self.misalignment_n_arcsec)
-    }
-
-    /// Estimated ψ in c, arcsec.
-    pub fn misalignment_c_estimate_arcsec(&self) -> Vector3<f64> {
-        self.attitude
-            .matrix()
-            .tr_mul(&self.misalignment_n_estimate_arcsec)
-    }
-
     /// The filter's 1σ of ψ in n, arcsec.
     pub fn misalignment_n_sigma_arcsec(&self) -> Vector3<f64> {
         self.misalignment_n_covariance_arcsec2
             .diagonal()
             .map(f64::sqrt)
-    }
-
-    /// The filter's 1σ of ψ in c, arcsec.
-    pub fn misalignment_c_sigma_arcsec(&self) -> Vector3<f64> {
-        let c_to_n = self.attitude.matrix();
-        let covariance = c_to_n.transpose() * self.misalignment_n_covariance_arcsec2 * c_to_n;
-        covariance.diagonal().map(f64::sqrt)
     }
 }
 

@@ -8,6 +8,8 @@
 
 mod angles;
 mod batch;
+#[path = "../battery/mod.rs"]
+mod battery;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
@@ -27,6 +29,7 @@ mod precision;
 mod reconstruction;
 mod reference;
 mod replanning;
+mod routes;
 mod search;
 mod simulation;
 mod support;

@@ -23,7 +23,7 @@
 //!   reaches there. [`Reconstruction::azimuth_drift_exact`] has ∫ψ_z dt in its place, which is known from
 //!   Z itself by (14), and holds at all times.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use scheme_opt::internals::attitude::{EAST, NORTH, Position, UP, earth_rate_n};
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::{CoefficientVector, DriftCoefficient, drift_matrix};
@@ -274,6 +274,22 @@ fn they_do_so_with_derivatives_by_finite_differences_too() {
             z_n: now.measurement(),
         };
         check(&now, &Reconstruction::new(&now.earth_rate_n, jet), 1e-6);
+    }
+}
+
+/// (5), (6): the true platform is turned by ψ^n from the computed one, and Z is what its
+/// accelerometers show less what the computed gravity would make them show.
+#[test]
+fn a_measurement_in_the_platform_is_turned_into_n() {
+    let gravity_n = -Vector3::y();
+    for mut now in cases() {
+        now.psi_n *= 1e-3;
+        let computed = *Position::from_rad(0.3, -0.7, 2.1).attitude().matrix();
+        let truth = Rotation3::new(now.psi_n).matrix() * computed;
+        let z_c = -truth.transpose() * gravity_n + computed.transpose() * gravity_n;
+        // ψ is 2e-6 rad: its square is what (9) leaves out.
+        let error = (computed * z_c - now.measurement()).amax();
+        assert!(error < 1e-11, "{error:e}");
     }
 }
 

@@ -8,7 +8,7 @@ use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::platform::{Platform, PlatformConfig};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
-use crate::support::{ReferenceCase, reference_cases};
+use crate::battery::reference::{ReferenceCase, reference_cases};
 
 fn assert_close(what: &str, value: f64, expected: f64, tolerance: f64) {
     let error = (value / expected - 1.0).abs();

@@ -8,7 +8,7 @@ use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
 use crate::report::words;
 use crate::results::{
-    AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, StandingRecord,
+    AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, Standing,
     SuggestionRecord,
 };
 use crate::wording::{number, optional, seconds, separability};
@@ -360,7 +360,7 @@ fn suggestion(s: &SuggestionRecord) -> String {
         p.gamma_deg,
         seconds(p.dwell_s),
     ));
-    let row = |name: &str, of: &dyn Fn(&StandingRecord) -> String| {
+    let row = |name: &str, of: &dyn Fn(&Standing) -> String| {
         [
             name.to_owned(),
             of(&s.before),

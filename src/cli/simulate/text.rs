@@ -106,13 +106,10 @@ fn misalignment(document: &SimulationDocument) -> String {
 fn consistency(document: &SimulationDocument) -> String {
     let row = |name: String, c: &Option<Consistency>| match c {
         None => [name, String::new(), "-".into(), "-".into(), "-".into()],
-        Some(c) => [
-            name,
-            c.degrees_of_freedom.to_string(),
-            number(c.average),
-            format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
-            words::place(c).to_owned(),
-        ],
+        Some(c) => {
+            let [freedom, average, bounds, place] = words::consistency(c);
+            [name, freedom, average, bounds, place]
+        }
     };
     let mut rows = vec![
         row("NEES, all states".to_owned(), &document.nees),

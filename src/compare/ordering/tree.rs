@@ -225,7 +225,7 @@ impl Walk<'_> {
     fn may_become_better(&self, reached: &Reached, visited: u32, last: usize) -> bool {
         let left = self.roads.everywhere() & !visited;
         match self.upper.and_then(|upper| upper.rest(left, last)) {
-            // What cannot be computed rules nothing out.
+            // Without a merit of the bound the prefix is not ruled out.
             Some(rest) => {
                 let merit = self.merit(&reached.joined(rest));
                 merit.is_none_or(|merit| merit < self.merit - SAME)
@@ -239,7 +239,7 @@ impl Walk<'_> {
         let evaluator = self.roads.evaluator();
         let prior = evaluator.model().prior_sigma_deg_per_h();
         let covariance = Rooted::of_information(information, prior)?;
-        // What cannot be computed is no bound.
+        // Without a merit there is no bound, and nothing is ruled out by it.
         evaluator
             .merit_of_covariance(&covariance, Smoothing::Exact)
             .ok()
@@ -247,7 +247,7 @@ impl Walk<'_> {
 
     /// A whole order.
     fn arrive(&mut self, at: &Prefix) {
-        // What cannot be computed from a sum of squares is left to the evaluator to rate.
+        // An order whose sum of squares gives no merit is rated in full.
         let merit = self.merit(&at.reached.e).unwrap_or(f64::NEG_INFINITY);
         if merit < self.merit - SAME {
             let rated = self.roads.orders.rated(std::slice::from_ref(&self.order));

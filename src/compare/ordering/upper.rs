@@ -201,7 +201,7 @@ impl Metric {
         let eigen = more.try_symmetric_eigen(1e-14, 200)?;
         let mut rows = Vec::new();
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
-            // Far below what merits are told apart by.
+            // In units of what is known anyway: a part this small changes no merit by SAME.
             if *value > 1e-13 {
                 let v = eigen.eigenvectors.column(k) * value.sqrt();
                 rows.push(self.root_inverse.transpose() * v);
@@ -214,7 +214,7 @@ impl Metric {
                 for j in 0..STATES {
                     match j {
                         0..3 => psi[(i, j)] = row[j],
-                        // A coefficient that is known exactly needs no telling.
+                        // Nothing can be told of a coefficient that is known exactly.
                         _ if self.scale[j] == 0.0 => {}
                         _ => drift[(i, j - 3)] = row[j] / self.scale[j],
                     }

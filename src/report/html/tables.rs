@@ -393,13 +393,7 @@ pub(super) fn specification(check: &SpecificationCheck) -> HtmlTable {
 pub(super) fn consistency(d: &SimulationDocument) -> HtmlTable {
     let row = |name: String, c: &Option<Consistency>| match c {
         None => vec![name, NONE.into(), NONE.into(), NONE.into(), NONE.into()],
-        Some(c) => vec![
-            name,
-            c.degrees_of_freedom.to_string(),
-            number(c.average),
-            format!("{:.3} to {:.3}", c.bounds[0], c.bounds[1]),
-            words::place(c).to_owned(),
-        ],
+        Some(c) => std::iter::once(name).chain(words::consistency(c)).collect(),
     };
     let mut rows = vec![
         row("NEES, all states".to_owned(), &d.nees),
@@ -454,7 +448,7 @@ pub(super) fn compared(d: &ComparisonDocument) -> HtmlTable {
     let with_criterion = d.criterion_name != "a";
     let rows = d.schedules.iter().map(|s| {
         let mut row = vec![
-            name(&s.name, &s.order),
+            name(&s.name, s.order),
             s.positions.to_string(),
             seconds(s.total_time_s),
             seconds(s.overhead_s),
@@ -503,7 +497,7 @@ pub(super) fn compared_coefficients(d: &ComparisonDocument) -> HtmlTable {
         columns.extend(first.coefficients.iter().map(|c| c.name.name()));
     }
     let rows = d.schedules.iter().map(|s| {
-        let mut row = vec![name(&s.name, &s.order)];
+        let mut row = vec![name(&s.name, s.order)];
         row.extend(
             s.coefficients
                 .iter()
@@ -519,10 +513,10 @@ pub(super) fn compared_coefficients(d: &ComparisonDocument) -> HtmlTable {
 }
 
 /// Name of a compared schedule, with the order of its positions where it is not its own.
-pub(super) fn name(name: &str, order: &str) -> String {
-    match PositionOrder::from_name(order) {
-        Some(PositionOrder::Best) => format!("{name}, best order (proven)"),
-        Some(PositionOrder::BestFound) => format!("{name}, best order found"),
-        Some(PositionOrder::AsGiven) | None => name.to_owned(),
+pub(super) fn name(name: &str, order: PositionOrder) -> String {
+    match order {
+        PositionOrder::Best => format!("{name}, best order (proven)"),
+        PositionOrder::BestFound => format!("{name}, best order found"),
+        PositionOrder::AsGiven => name.to_owned(),
     }
 }

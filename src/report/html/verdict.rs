@@ -113,7 +113,7 @@ pub(super) fn side_by_side(
         .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
     let second = second.map_or_else(String::new, |s| {
         let ratio = words::compared(Some(s.criterion / best.criterion));
-        format!(", {ratio} the next, {}", tables::name(&s.name, &s.order))
+        format!(", {ratio} the next, {}", tables::name(&s.name, s.order))
     });
     format!(
         "Best of {} schedules, {time}: {name}{second}. What follows is about it.",

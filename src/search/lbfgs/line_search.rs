@@ -121,7 +121,8 @@ impl LineSearch {
         if self.bracketed && self.is_exhausted() {
             return Next::Fail;
         }
-        // The function less the line while that is what decreases.
+        // Moré and Thuente's first stage: as long as no trial decreased the function enough, the
+        // interval is updated by the function less the line of sufficient decrease.
         let shift = match self.first_stage && trial.value <= self.best.value && trial.value > enough
         {
             true => line,
@@ -129,7 +130,7 @@ impl LineSearch {
         };
         self.update(trial.above(shift), shift);
         self.place_bounds();
-        // Nothing is left but the best step, which has been tried; or values beyond all bounds.
+        // The interval has shrunk to the best step, which has been tried, or the step overflowed.
         if self.bracketed && self.is_exhausted() || !self.step.is_finite() {
             return Next::Fail;
         }

@@ -6,7 +6,7 @@ use scheme_opt::internals::config::{StudyConfig, StudySource};
 use scheme_opt::internals::suspicion;
 
 use super::{Desk, SCHEDULE};
-use crate::support::reference_cases;
+use crate::battery::reference::reference_cases;
 
 /// [`SCHEDULE`] as somebody with angles in radians and dwells in minutes would write it.
 const RADIANS_AND_MINUTES: &str = "alpha_deg,beta_deg,gamma_deg,dwell_s\n\
