@@ -176,7 +176,7 @@ pub struct Analysis {
     pub column_correlations: Vec<CorrelatedPair>,
     /// Singular values of the weighted regressor, (°/h)⁻¹, largest first.
     pub singular_values: Vec<f64>,
-    /// Combinations from weakest on, with 1σ by the filter, °/h.
+    /// Combinations of length one with 1σ by the filter, °/h, the largest first.
     pub weak: Vec<(WeakCombination, f64)>,
     /// The classical measures.
     pub classical: ClassicalMeasures,
@@ -223,19 +223,27 @@ impl Analysis {
             estimate_correlations: strongest(p),
             column_correlations: strongest(&column_gram(model, &timeline)),
             singular_values,
-            weak: weak
-                .into_iter()
-                .map(|w| {
-                    let sigma = sigma_of(p, &w.combination);
-                    (w, sigma)
-                })
-                .collect(),
+            weak: worst_first(weak, p),
             classical: ClassicalMeasures::new(model, &timeline),
             advice,
             suggestion: Suggestion::find(evaluator, schedule, evaluation),
             observability: observability.clone(),
         })
     }
+}
+
+/// The combinations with their σ by the filter, which also knows what the prior, the moves and
+/// ψ_y tell: the order of the channels alone need not be that of the σ.
+fn worst_first(weak: Vec<WeakCombination>, p: &CoefficientMatrix) -> Vec<(WeakCombination, f64)> {
+    let mut known: Vec<_> = weak
+        .into_iter()
+        .map(|w| {
+            let sigma = sigma_of(p, &w.combination);
+            (w, sigma)
+        })
+        .collect();
+    known.sort_by(|a, b| b.1.total_cmp(&a.1));
+    known
 }
 
 /// 1σ of a combination of coefficients under the covariance `p`.
@@ -263,9 +271,11 @@ fn more_time(
         .model()
         .end_covariance(&timeline, crate::covariance::TickRule::Filter)
         .ok()?;
+    // Of length one, as all combinations that a σ is told of.
+    let length = trace.coefficients().norm();
     Some(Advice::MoreTime {
-        sigma_deg_per_h: sigma_of(&evaluation.end.coefficients, &trace),
-        sigma_at_twice_deg_per_h: sigma_of(&end.coefficients, &trace),
+        sigma_deg_per_h: sigma_of(&evaluation.end.coefficients, &trace) / length,
+        sigma_at_twice_deg_per_h: sigma_of(&end.coefficients, &trace) / length,
     })
 }
 

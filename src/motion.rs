@@ -35,6 +35,9 @@ use crate::error::{Error, Result};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
 
+/// Angles closer than this, half of the last place that files carry, are the same.
+const SAME_ANGLE_DEG: f64 = 0.5e-9;
+
 /// A change of position: angles linear in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Move {
@@ -256,9 +259,13 @@ impl Timeline {
                 measured: p.move_measured.unwrap_or(motion.measure_moves),
             };
             if motion.repositioning == Repositioning::Slew {
-                let by_rate = motion
-                    .slew_rate_rad_per_s
-                    .map_or(0.0, |rate| m.slowest_axis().1 / rate);
+                // What is left of a change by rounding angles is none: at a hundredth of a degree a
+                // second it would take longer than the slack that times are compared with.
+                let moves = change.iter().any(|c| c.deg().abs() > SAME_ANGLE_DEG);
+                let by_rate = match motion.slew_rate_rad_per_s {
+                    Some(rate) if moves => m.slowest_axis().1 / rate,
+                    _ => 0.0,
+                };
                 m.duration_s = p.move_s.unwrap_or(by_rate);
             }
             m

@@ -16,8 +16,9 @@ const ABOUT: &str =
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-   1    no acceptable schedule: the specification or the limits cannot be met, or a coefficient
-        that counts stays unobservable; or simulate --check was not passed
+   1    search, bound, compare: no acceptable schedule, since the specification or the limits cannot
+        be met or a coefficient that counts stays unobservable; simulate --check: not passed.
+        evaluate and analyze tell of a given schedule, whatever it is worth, and end with 0
   2    usage or input error
   130  interrupted; the best schedule so far is written";
 

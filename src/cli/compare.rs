@@ -28,6 +28,13 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
         best_order: args.best_order,
         order_steps: args.order_steps,
     };
+    if args.best_order {
+        output.message(&format!(
+            "looking for the best order of {} schedules, one to two minutes each at the most; \
+             --order-steps limits it",
+            contenders.len()
+        ));
+    }
     let compared = study.compare(&contenders, &options)?;
     let document = compared.document();
     let text = match args.common.json {

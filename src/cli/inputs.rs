@@ -122,15 +122,7 @@ pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSche
 
 /// The schedule of a file, resolved on the study's platform.
 pub(super) fn on_platform(path: &Path, study: &Study) -> Result<(Schedule, Timeline)> {
-    let schedule = file::read(path)?;
-    let timeline = Timeline::new(study.platform(), &schedule).map_err(|e| {
-        // What the platform cannot do is about a position of the schedule.
-        match e.key() {
-            Some(key) if key.starts_with("positions") => e.with_file(path),
-            _ => e,
-        }
-    })?;
-    Ok((schedule, timeline))
+    file::read_and(path, &|schedule| Timeline::new(study.platform(), schedule))
 }
 
 /// Says what is hard to believe of a schedule that was read from `file`.

@@ -70,8 +70,8 @@ fn work(document: &ResultDocument) -> String {
         .wall_time_s
         .map_or_else(String::new, |s| format!(" in {s:.1} s"));
     wrap(&format!(
-        "{}: {} starts, {} values, {} gradients{time}; seed {}; two computations of every sigma \
-         agree to {:.0e}.",
+        "{}: {} starts (standard schemes included), {} values, {} gradients{time}; seed {}; two \
+         computations of every sigma agree to {:.0e}.",
         document.status,
         c.starts,
         c.evaluations,
@@ -91,6 +91,7 @@ pub(super) fn evaluation(
     text.push_str(&totals(document));
     text.push_str("\nSchedule\n\n");
     text.push_str(&table::schedule(platform, timeline));
+    text.push_str(&beyond_limits(document, platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
     text.push('\n');
@@ -98,6 +99,49 @@ pub(super) fn evaluation(
     text.push('\n');
     text.push_str(&wrap(&words::observability(document)));
     text
+}
+
+/// In what a given schedule goes beyond what limits a search; empty where in nothing.
+fn beyond_limits(
+    document: &EvaluationDocument,
+    platform: &Platform,
+    timeline: &Timeline,
+) -> String {
+    let mut beyond = Vec::new();
+    let (taken_s, most_s) = (
+        timeline.total_time_s(),
+        document.inputs.objective.total_time_s,
+    );
+    if taken_s > most_s * (1.0 + 1e-9) {
+        beyond.push(format!(
+            "it takes {} s, more than objective.total_time_s ({} s)",
+            seconds(taken_s),
+            seconds(most_s)
+        ));
+    }
+    let least_s = platform.motion().min_dwell_s;
+    let short: Vec<String> = (1..)
+        .zip(timeline.position_legs())
+        .filter(|(_, leg)| leg.dwell_s > 0.0 && leg.dwell_s < least_s * (1.0 - 1e-9))
+        .map(|(number, _)| number.to_string())
+        .collect();
+    if !short.is_empty() {
+        beyond.push(format!(
+            "shorter than motion.min_dwell_s ({} s) is the dwell of position {}",
+            seconds(least_s),
+            short.join(", ")
+        ));
+    }
+    match beyond.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\n{}",
+            wrap(&format!(
+                "A search would not propose this schedule: {}.",
+                beyond.join("; ")
+            ))
+        ),
+    }
 }
 
 fn totals(document: &EvaluationDocument) -> String {

@@ -5,11 +5,13 @@ use comfy_table::{CellAlignment, ContentArrangement, Table};
 
 use super::screen::Screen;
 
-use crate::motion::{Leg, Timeline};
+use crate::attitude::Position;
+use crate::motion::{Leg, Timeline, gimbal_change};
 use crate::platform::{Platform, Repositioning};
 use crate::results::schema::DocumentKind;
 use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
 use crate::schedule::standard::StandardScheme;
+use crate::units::Angle;
 use crate::wording::{number, optional, seconds};
 
 /// How a column is aligned.
@@ -98,6 +100,15 @@ fn reached_by(platform: &Platform, leg: &Leg) -> String {
     };
     if arrival.measured {
         text.push_str(" measured");
+    }
+    // The way round where it is not the usual one: the angles of the table do not tell.
+    let usual = gimbal_change(platform, Position::from_array(arrival.from), leg.position);
+    for (axis, name) in ["alpha", "beta", "gamma"].into_iter().enumerate() {
+        let change = arrival.change[axis];
+        if (change - usual[axis]).abs() > 1e-6 {
+            let degrees = Angle::from_rad(change).deg();
+            text.push_str(&format!(", {name} by {degrees:+.3}"));
+        }
     }
     if leg.settle_s > 0.0 {
         text.push_str(&format!(" + {} s", seconds(leg.settle_s)));

@@ -163,8 +163,8 @@ impl fmt::Display for Advice {
             } => write!(
                 f,
                 "D_IX + D_IY + D_IZ is seen only through eps_y, the second derivative, and alike \
-                 at every position: no position helps, only time does. Its sigma is \
-                 {sigma_deg_per_h:.5} deg/h; with all dwells twice as long, \
+                 at every position: no position helps, only time does. Its sigma, scaled to \
+                 length one, is {sigma_deg_per_h:.5} deg/h; with all dwells twice as long, \
                  {sigma_at_twice_deg_per_h:.5} deg/h."
             ),
             Self::OtherLatitude => f.write_str(

@@ -175,9 +175,17 @@ pub fn observability(document: &EvaluationDocument) -> String {
             o.unknowns
         );
     }
+    // Between two dwells the drift moves psi too, which the filter sees at the second and the orders
+    // of the dwells' derivatives do not count.
+    let otherwise = match document.overhead_s > 0.0 {
+        true => {
+            "Of such a combination little more than the prior is known: what the drift does during \
+             moves and settles is not counted here, but in the sigma it is"
+        }
+        false => "Of such a combination only the prior is known",
+    };
     format!(
-        "{} of {} unknowns are observable. What the measurements cannot tell: {}. Of such a \
-         combination only the prior is known.",
+        "{} of {} unknowns are observable. What the measurements cannot tell: {}. {otherwise}.",
         o.rank,
         o.unknowns,
         o.unobservable.join("; ")

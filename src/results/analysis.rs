@@ -51,7 +51,7 @@ pub struct AnalysisDocument {
     /// Singular values of the weighted regressor, columns in °/h, ω_N ψ_y(0) eliminated, largest
     /// first, (°/h)⁻¹.
     pub singular_values_h_per_deg: Vec<f64>,
-    /// Combinations from the weakest on, those not seen at all left out.
+    /// Combinations of length one, the largest σ by the filter first, those not seen at all left out.
     pub weak: Vec<WeakRecord>,
     /// Piecewise-constant (Lie-derivative) observability matrix.
     pub piecewise_constant: PiecewiseConstantRecord,

@@ -206,6 +206,19 @@ fn check_schema(schema: &str) -> Result<()> {
 /// [`Error::is_io`] when the file cannot be read; [`Error::is_input`] naming file, line, key,
 /// value and what is allowed when its content is not acceptable.
 pub fn read(path: &Path) -> Result<Schedule> {
+    Ok(read_and(path, &|_| Ok(()))?.0)
+}
+
+/// What is made of a schedule that was read, or why it is refused.
+pub(crate) type Check<'a, T> = &'a dyn Fn(&Schedule) -> Result<T>;
+
+/// Reads a schedule file and puts the schedule to use: what `check` refuses about a position
+/// (`positions[3].…`) is said with file, line and the value as it is written.
+///
+/// # Errors
+///
+/// As [`read`], and what `check` returns.
+pub(crate) fn read_and<T>(path: &Path, check: Check<'_, T>) -> Result<(Schedule, T)> {
     let text = text::read_text(path, text::MAX_SCHEDULE_BYTES)?;
     let extension = path.extension().and_then(|e| e.to_str());
     let is_json = match extension.map(str::to_ascii_lowercase).as_deref() {
@@ -213,12 +226,23 @@ pub fn read(path: &Path) -> Result<Schedule> {
         Some("csv") => false,
         _ => text.trim_start().starts_with('{'),
     };
-    let schedule = if is_json {
-        from_json(&text)
+    let text = text::without_bom(&text);
+    let read = if is_json {
+        json::parse_and(text, check)
     } else {
-        from_csv(&text)
+        csv::parse_and(text, check)
     };
-    schedule.map_err(|e| e.with_file(path))
+    read.map_err(|e| match e.line() {
+        Some(_) => e.with_file(path),
+        None => e,
+    })
+}
+
+/// A schedule and what `check` makes of it.
+fn checked<T>(schedule: Result<Schedule>, check: Check<'_, T>) -> Result<(Schedule, T)> {
+    let schedule = schedule?;
+    let made = check(&schedule)?;
+    Ok((schedule, made))
 }
 
 /// A schedule from the text of a JSON document.
@@ -241,7 +265,7 @@ pub fn read(path: &Path) -> Result<Schedule> {
 /// assert_eq!(error.key(), Some("positions[0].dwell_s"));
 /// ```
 pub fn from_json(text: &str) -> Result<Schedule> {
-    json::parse(text::without_bom(text))
+    Ok(json::parse_and(text::without_bom(text), &|_| Ok(()))?.0)
 }
 
 /// A schedule from the text of a CSV file.
@@ -259,7 +283,7 @@ pub fn from_json(text: &str) -> Result<Schedule> {
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
 pub fn from_csv(text: &str) -> Result<Schedule> {
-    csv::parse(text::without_bom(text))
+    Ok(csv::parse_and(text::without_bom(text), &|_| Ok(()))?.0)
 }
 
 /// The schedule as a JSON document, one position a line.
@@ -328,10 +352,10 @@ fn cells(record: &PositionRecord) -> [String; COLUMNS.len()] {
     ]
 }
 
-/// The index and the field of a key such as `positions[3].dwell_s`.
-fn position_key(key: &str) -> Option<(usize, &str)> {
-    let (index, field) = key.strip_prefix("positions[")?.split_once("].")?;
-    Some((index.parse().ok()?, field))
+/// The index and the field of a key such as `positions[3].dwell_s` or `positions[3]`.
+fn position_key(key: &str) -> Option<(usize, Option<&str>)> {
+    let (index, field) = key.strip_prefix("positions[")?.split_once(']')?;
+    Some((index.parse().ok()?, field.strip_prefix('.')))
 }
 
 #[cfg(test)]

@@ -85,7 +85,7 @@ impl LeastTime {
 
 /// A time to the microsecond, rounded up: what is printed is enough.
 fn enough_s(time_s: f64) -> f64 {
-    (time_s * 1e6 - 1e-3).ceil() * 1e-6
+    (time_s * 1e6 - 1e-3).ceil() / 1e6
 }
 
 /// By how much the moves of a plan are shortened, in turn, until it is within the time. In the end
@@ -175,6 +175,16 @@ mod tests {
         assert!(LeastTime::of(&rounded).check(0.3).is_ok());
         let plan = still(&rounded).unwrap();
         assert!(plan.fitted(&rounded, 0.3).is_some());
+        // More places than a plan keeps, on a stand so slow that the last of them would take time.
+        let slow = platform(|c| {
+            c.filter.period_s = 0.1;
+            c.motion.min_dwell_s = 0.2;
+            c.motion.slew_rate_deg_per_s = Some(0.005);
+            c.motion.start_deg = Some([233.906_559_076_442_7, -400.0, -49.354_224_943_479_38]);
+            c.motion.return_to_start = true;
+        });
+        let plan = still(&slow).unwrap();
+        assert!(plan.fitted(&slow, 0.2).is_some());
     }
 
     #[test]

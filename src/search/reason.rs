@@ -152,8 +152,8 @@ impl fmt::Display for Reason {
             ),
             Self::Finished { missed } => {
                 f.write_str(
-                    "all starts were screened, the best refined to convergence, and the winner \
-                     was confirmed by the step-by-step filter",
+                    "all starts were screened, the best improved until nothing tried made them \
+                     better, and the winner was confirmed by the step-by-step filter",
                 )?;
                 match missed.is_empty() {
                     true => Ok(()),

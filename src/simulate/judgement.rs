@@ -183,8 +183,8 @@ fn diverged(d: &Divergence) -> String {
         .iter()
         .take(NAMED)
         .map(|r| match r.rms_error_deg_per_h {
-            Some(error) => format!("run {} by {} deg/h", r.run, number(error)),
-            None => format!("run {} beyond all numbers", r.run),
+            Some(error) => format!("{} deg/h in run {}", number(error), r.run),
+            None => format!("no finite number in run {}", r.run),
         })
         .collect();
     let more = match d.count > named.len() {
@@ -200,7 +200,7 @@ fn diverged(d: &Divergence) -> String {
         ),
     };
     format!(
-        "{} of {} runs diverged, beyond all chance: off {} (RMS of the coefficients){more}. \
+        "{} of {} runs diverged, beyond all chance. RMS error of the coefficients: {}{more}. \
          {noticed}",
         d.count,
         d.runs,

@@ -255,11 +255,15 @@ fn the_way_that_is_given_is_taken() {
     assert!((longer.total_time_s() - (1200.0 + 800.0)).abs() < 1e-9);
     // The stand is told so.
     let table = CommandTable::new(&platform, &timeline, 45.0).unwrap();
-    let steps: Vec<_> = table.commands().iter().filter(|c| c.from != c.to).collect();
+    let steps: Vec<_> = table
+        .commands()
+        .iter()
+        .filter(|c| c.from_rad != c.to_rad)
+        .collect();
     assert_eq!(steps.len(), 4);
-    assert!((steps[3].to[0] + 150.0_f64.to_radians()).abs() < 1e-12);
+    assert!((steps[3].to_rad[0] + 150.0_f64.to_radians()).abs() < 1e-12);
     for step in steps {
-        assert!(step.gimbal_rates.unwrap()[0] < 0.0);
+        assert!(step.gimbal_rates_rad_per_s.unwrap()[0] < 0.0);
     }
     // Both files carry it, bit for bit.
     assert_eq!(from_json(&to_json(&back)).unwrap(), back);

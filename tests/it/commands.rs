@@ -99,7 +99,7 @@ fn replay(platform: &Platform, timeline: &Timeline, step_deg: f64) -> usize {
         let held = held.unwrap();
         assert!(
             apart(
-                &attitude(held.to.map(|a| Angle::from_rad(a).deg())),
+                &attitude(held.to_rad.map(|a| Angle::from_rad(a).deg())),
                 leg.attitude.matrix()
             ) < 1e-9
         );
@@ -215,13 +215,13 @@ fn a_slew_adds_to_the_earth_rate() {
     let schedule = Schedule::new(vec![at(0.0), at(60.0)]).unwrap();
     let timeline = Timeline::new(&platform, &schedule).unwrap();
     let table = CommandTable::new(&platform, &timeline, 5.0).unwrap();
-    let slewing = table.commands()[1].platform_rate.unwrap();
+    let slewing = table.commands()[1].platform_rate_rad_per_s.unwrap();
     let north = platform.earth_rate_n().x;
     let expected = north - Angle::from_deg(0.5).rad();
     assert!(
-        (slewing.x - expected).abs() < 1e-9,
+        (slewing[0] - expected).abs() < 1e-9,
         "{} {expected}",
-        slewing.x
+        slewing[0]
     );
     let refused = CommandTable::new(&platform, &timeline, 90.0).unwrap_err();
     assert!(refused.is_input());

@@ -40,7 +40,7 @@ pub(super) fn analysis(document: &AnalysisDocument) -> String {
         reconstructions(document),
         "\nStrongest correlations\n\n".to_owned(),
         correlations(document),
-        "\nWhat is told worst\n\n".to_owned(),
+        "\nWhat is told worst (sigma of each combination scaled to length one)\n\n".to_owned(),
         weak(document),
         "\nClassical measures\n\n".to_owned(),
         classical(document),
@@ -376,7 +376,7 @@ fn suggestion(s: &SuggestionRecord) -> String {
         row("least separability", &|s| {
             separability(s.least_separability)
         }),
-        row("target sigma, deg/h", &|s| number(s.target_sigma_deg_per_h)),
+        row("its sigma, deg/h", &|s| number(s.target_sigma_deg_per_h)),
         row("RMS sigma, deg/h", &|s| number(s.rms_sigma_deg_per_h)),
         row("criterion", &|s| number(s.criterion)),
     ];

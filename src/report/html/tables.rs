@@ -92,7 +92,7 @@ pub(super) fn commands(subject: &Subject) -> HtmlTable {
             let deg = a.map(|rad| format!("{:.3}", Angle::from_rad(rad).deg() + 0.0));
             deg.join(", ")
         };
-        let rates = first.gimbal_rates.map_or_else(
+        let rates = first.gimbal_rates_rad_per_s.map_or_else(
             || NONE.to_owned(),
             |r| {
                 let deg = r.map(|v| format!("{:.4}", Angle::from_rad(v).deg() + 0.0));
@@ -109,10 +109,10 @@ pub(super) fn commands(subject: &Subject) -> HtmlTable {
                 .position
                 .map_or_else(|| NONE.to_owned(), |p| p.to_string()),
             seconds(duration),
-            angles(first.from),
-            match first.from == last.to {
+            angles(first.from_rad),
+            match first.from_rad == last.to_rad {
                 true => "held".to_owned(),
-                false => angles(last.to),
+                false => angles(last.to_rad),
             },
             rates,
             platform_rate(first),
@@ -140,11 +140,11 @@ pub(super) fn commands(subject: &Subject) -> HtmlTable {
 
 /// In °/h while tracking, in °/s while turning.
 fn platform_rate(command: &crate::commands::Command) -> String {
-    let Some(omega) = command.platform_rate else {
+    let Some(omega) = command.platform_rate_rad_per_s else {
         return NONE.to_owned();
     };
     let turning = matches!(command.segment, Segment::Move | Segment::Return);
-    let parts = [omega.x, omega.y, omega.z].map(|v| match turning {
+    let parts = omega.map(|v| match turning {
         true => format!("{:.4}", Angle::from_rad(v).deg() + 0.0),
         false => format!("{:.4}", AngularRate::from_rad_per_s(v).deg_per_h() + 0.0),
     });

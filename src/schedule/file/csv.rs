@@ -1,12 +1,15 @@
 //! Reading the CSV form: numbers and truth values only, so that a line is always a row and no
 //! cell holds a comma.
 
-use super::{CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, position_key};
+use super::{
+    CHANGE_KEY, COLUMNS, Check, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, checked,
+    position_key,
+};
 use crate::error::{Error, Result};
 use crate::schedule::{MAX_POSITIONS, Schedule, text};
 
-/// A schedule from CSV text.
-pub(super) fn parse(document: &str) -> Result<Schedule> {
+/// A schedule from CSV text, and what `check` makes of it; what that refuses gets its line too.
+pub(super) fn parse_and<T>(document: &str, check: Check<'_, T>) -> Result<(Schedule, T)> {
     // Files of some spreadsheets end their lines with a carriage return alone.
     let end = if document.contains('\n') { '\n' } else { '\r' };
     let mut rows = document
@@ -32,29 +35,44 @@ pub(super) fn parse(document: &str) -> Result<Schedule> {
         records.push(header.record(records.len(), &row)?);
         kept.push(row);
     }
-    Schedule::new(records.iter().map(Into::into).collect()).map_err(|e| located(&header, &kept, e))
+    let schedule = Schedule::new(records.iter().map(Into::into).collect());
+    checked(schedule, check).map_err(|e| located(&header, &kept, e))
 }
 
-/// Adds the line, and the value as it is written, to a range error.
+/// Adds the line, and the value as it is written, to an error about a position.
 fn located(header: &Header, rows: &[Row<'_>], error: Error) -> Error {
-    let found = error.key().and_then(|key| {
-        let (index, field) = position_key(key)?;
-        let row = rows.get(index)?;
-        let cells = match field {
-            CHANGE_KEY => (SINGLE_COLUMNS..COLUMNS.len())
-                .map(|column| header.cell(row, column).unwrap_or_default())
-                .collect::<Vec<_>>()
-                .join(","),
-            _ => {
-                let column = COLUMNS.iter().position(|c| *c == field)?;
-                header.cell(row, column)?.to_owned()
-            }
+    let Some((index, field)) = error.key().and_then(position_key) else {
+        return match error.key() {
+            Some("positions") => error.with_line(header.line),
+            _ => error,
         };
-        Some((row.line, cells))
-    });
-    match found {
-        Some((line, value)) => error.with_line(line).with_value(text::shown(&value)),
-        None => error.with_line(header.line),
+    };
+    let Some(row) = rows.get(index) else {
+        return error.with_line(header.line);
+    };
+    let cells = match field {
+        Some(CHANGE_KEY) => (SINGLE_COLUMNS..COLUMNS.len())
+            .map(|column| header.cell(row, column).unwrap_or_default())
+            .collect::<Vec<_>>()
+            .join(","),
+        _ => {
+            let column = COLUMNS.iter().position(|c| Some(*c) == field);
+            let cell = column.and_then(|column| header.cell(row, column));
+            cell.unwrap_or_default().to_owned()
+        }
+    };
+    let is_change = field == Some(CHANGE_KEY);
+    let error = error.with_line(row.line);
+    let error = match cells.is_empty() {
+        true => error,
+        false => error.with_value(text::shown(&cells)),
+    };
+    match is_change {
+        true => error.with_hint(format!(
+            "the columns are {}",
+            COLUMNS[SINGLE_COLUMNS..].join(", ")
+        )),
+        false => error,
     }
 }
 
@@ -232,6 +250,28 @@ fn truth_value(cell: &str) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn parse(text: &str) -> Result<Schedule> {
+        Ok(parse_and(text, &|_| Ok(()))?.0)
+    }
+
+    #[test]
+    fn what_is_refused_afterwards_gets_its_line() {
+        let text = "alpha_deg,beta_deg,gamma_deg,dwell_s,alpha_change_deg,beta_change_deg,\
+                    gamma_change_deg\n0,0,0,1,,,\n# next\n10,0,0,1,20,0,0\n";
+        for (key, line, value) in [
+            ("positions[1].change_deg", Some(4), Some("20,0,0")),
+            ("positions[0].alpha_deg", Some(2), Some("0")),
+            ("positions[1]", Some(4), None),
+            ("motion.start_deg", None, None),
+        ] {
+            let refuse = |_: &Schedule| -> Result<()> { Err(Error::input("no").with_key(key)) };
+            let error = parse_and(text, &refuse).unwrap_err();
+            assert_eq!((error.line(), error.value()), (line, value), "{key}");
+            let names_columns = error.to_string().contains("alpha_change_deg");
+            assert_eq!(names_columns, key.ends_with("change_deg"), "{error}");
+        }
+    }
 
     #[test]
     fn the_usual_variations_are_read() {

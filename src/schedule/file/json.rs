@@ -8,15 +8,16 @@ use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::{
-    CHANGE_KEY, COLUMNS, PositionRecord, REQUIRED_COLUMNS, check_schema, json_keys, position_key,
+    CHANGE_KEY, COLUMNS, Check, PositionRecord, REQUIRED_COLUMNS, check_schema, checked, json_keys,
+    position_key,
 };
 use crate::error::{Error, Result};
 use crate::schedule::{MAX_POSITIONS, Schedule, text};
 
 const TOP_KEYS: [&str; 3] = ["schema", "tool_version", "positions"];
 
-/// A schedule from JSON text.
-pub(super) fn parse(document: &str) -> Result<Schedule> {
+/// A schedule from JSON text, and what `check` makes of it; what that refuses gets its line too.
+pub(super) fn parse_and<T>(document: &str, check: Check<'_, T>) -> Result<(Schedule, T)> {
     let top = Record::parse(document, document, "")?;
     // The schema first: of some other document, its name says more than its unknown keys do.
     if let Some(schema) = top.string("schema")? {
@@ -32,8 +33,8 @@ pub(super) fn parse(document: &str) -> Result<Schedule> {
     for (i, item) in items.iter().enumerate() {
         records.push(position(document, i, item)?);
     }
-    Schedule::new(records.iter().map(Into::into).collect())
-        .map_err(|e| located(document, positions, &items, e))
+    let schedule = Schedule::new(records.iter().map(Into::into).collect());
+    checked(schedule, check).map_err(|e| located(document, positions, &items, e))
 }
 
 /// One element of `positions`.
@@ -79,19 +80,24 @@ fn items<'a>(document: &str, positions: &'a RawValue) -> Result<Vec<&'a RawValue
     Ok(items.first)
 }
 
-/// Adds the line, and the value as it is written, to a range error.
+/// Adds the line, and the value as it is written, to an error about a position.
 fn located(document: &str, positions: &RawValue, items: &[&RawValue], error: Error) -> Error {
-    let found = error.key().and_then(|key| {
-        let (index, field) = position_key(key)?;
-        // It was read before; only where it stands is asked for.
-        let record = Record::parse(document, items.get(index)?.get(), "").ok()?;
-        record.get(field)
-    });
-    match found {
+    let Some((index, field)) = error.key().and_then(position_key) else {
+        return match error.key() {
+            Some("positions") => error.with_line(text::line_of(document, positions.get())),
+            _ => error,
+        };
+    };
+    let Some(item) = items.get(index) else {
+        return error.with_line(text::line_of(document, positions.get()));
+    };
+    // It was read before; only where it stands is asked for.
+    let record = Record::parse(document, item.get(), "").ok();
+    match record.zip(field).and_then(|(r, field)| r.get(field)) {
         Some(value) => error
             .with_line(text::line_of(document, value.get()))
             .with_value(text::shown(value.get())),
-        None => error.with_line(text::line_of(document, positions.get())),
+        None => error.with_line(text::line_of(document, item.get())),
     }
 }
 
@@ -323,6 +329,27 @@ impl<'de: 'a, 'a> Deserialize<'de> for Items<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn parse(text: &str) -> Result<Schedule> {
+        Ok(parse_and(text, &|_| Ok(()))?.0)
+    }
+
+    #[test]
+    fn what_is_refused_afterwards_gets_its_line() {
+        let text = "{\"positions\": [\n{\"alpha_deg\": 0, \"beta_deg\": 0, \"gamma_deg\": 0, \
+                    \"dwell_s\": 1},\n{\"alpha_deg\": 9, \"beta_deg\": 0, \"gamma_deg\": 0, \
+                    \"dwell_s\": 1,\n\"change_deg\": [20, 0, 0]}]}";
+        for (key, line, value) in [
+            ("positions[1].change_deg", Some(4), Some("[20, 0, 0]")),
+            ("positions[0].alpha_deg", Some(2), Some("0")),
+            ("positions[1]", Some(3), None),
+            ("motion.start_deg", None, None),
+        ] {
+            let refuse = |_: &Schedule| -> Result<()> { Err(Error::input("no").with_key(key)) };
+            let error = parse_and(text, &refuse).unwrap_err();
+            assert_eq!((error.line(), error.value()), (line, value), "{key}");
+        }
+    }
 
     /// A document with `fields` as its second position, on line 4.
     fn with_position(fields: &str) -> String {

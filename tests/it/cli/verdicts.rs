@@ -27,13 +27,16 @@ fn a_start_leaves_time_for_staying_there() {
             let search = ["search", "start.toml", "--json", "-q", "--total-time-s"];
             let run = desk.run(&[&search[..], &[&total_s]].concat());
             let found: Value = serde_json::from_str(&run.stdout).unwrap();
-            // So short a test observes everything only while the platform turns and measures.
+            // So short a test observes everything only while the platform turns and measures, or in
+            // dwells of a period or two.
             let missed = found["unobservable"]["by_this_schedule"]
                 .as_array()
                 .unwrap();
             let code = i32::from(!missed.is_empty());
             assert_eq!(run.code, Some(code), "{extra}{total_s}: {}", run.stderr);
-            assert!(!missed.is_empty() || extra.contains("measure_moves"));
+            let short_dwells = extra.contains("min_dwell_s = 0") && more_s >= 340.0;
+            let may_see_all = extra.contains("measure_moves") || short_dwells;
+            assert!(!missed.is_empty() || may_see_all, "{extra}{total_s}");
             let taken_s = found["evaluation"]["total_time_s"].as_f64().unwrap();
             assert!(taken_s <= least_s + more_s + 1e-6, "{extra}{total_s}");
             let start = &found["schedule"]["positions"][0];
