@@ -575,7 +575,7 @@ mod tests {
             let random = (1..8_usize).map(|count| {
                 let at = |k: usize| {
                     let k = (k + 5 * count) as f64;
-                    Position::from_deg(37.0 * k * k, 61.0 * k - 90.0, 13.0 * k)
+                    Position::from_deg(7.3 * k * k, 61.0 * k - 90.0, 13.0 * k)
                 };
                 (0..count).map(at).collect::<Vec<_>>()
             });
