@@ -133,12 +133,21 @@ impl StudyConfig {
             ("motion.min_dwell_s", platform.motion.min_dwell_s, "dwell"),
             ("filter.period_s", platform.period_s, "filter period"),
         ] {
-            if total_s < least_s {
-                return Err(Error::input(format!("shorter than one {what}"))
+            if total_s >= least_s {
+                continue;
+            }
+            // About the one of the two that is not as it always is.
+            let error = match total_s == ObjectiveConfig::default().total_time_s {
+                true => Error::input(format!("one {what} is longer than the whole test"))
+                    .with_key(least)
+                    .with_value(least_s)
+                    .with_allowed(format!("at most {TOTAL_TIME} = {total_s}")),
+                false => Error::input(format!("shorter than one {what}"))
                     .with_key(TOTAL_TIME)
                     .with_value(total_s)
-                    .with_allowed(format!("at least {least} = {least_s}")));
-            }
+                    .with_allowed(format!("at least {least} = {least_s}")),
+            };
+            return Err(error.with_hint("all times are in seconds"));
         }
         Ok(())
     }
@@ -234,7 +243,7 @@ mod tests {
     #[test]
     fn each_value_out_of_range_is_refused_by_key() {
         type Spoil = fn(&mut StudyConfig);
-        let table: [(&str, Spoil); 24] = [
+        let table: [(&str, Spoil); 25] = [
             ("site.latitude_deg", |c| c.platform.site.latitude_deg = 91.0),
             ("objective.total_time_s", |c| c.objective.total_time_s = 0.0),
             ("objective.total_time_s", |c| {
@@ -252,6 +261,9 @@ mod tests {
             ("objective.total_time_s", |c| {
                 c.platform.motion.min_dwell_s = 0.0;
                 c.objective.total_time_s = 9.0;
+            }),
+            ("motion.min_dwell_s", |c| {
+                c.platform.motion.min_dwell_s = 60_000.0;
             }),
             ("objective.criterion", |c| {
                 c.objective.criterion = CriterionKind::MaxRatio;

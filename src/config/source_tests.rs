@@ -381,13 +381,14 @@ fn range_errors_point_at_the_line_and_overridden_keys_do_not() {
     let error = source.check().unwrap_err();
     assert_eq!((error.file(), error.line()), (None, None));
 
-    // A value that is only assumed: the file, and no line in it.
+    // Of two values the one that is given, not the one that is assumed.
     let text = "[motion]\nmin_dwell_s = 20000";
     let error = StudySource::parse(text, Some(path))
         .unwrap()
         .check()
         .unwrap_err();
-    assert_eq!((error.file(), error.line()), (Some(path), None));
+    assert_eq!((error.file(), error.line()), (Some(path), Some(2)));
+    assert_eq!(error.key(), Some("motion.min_dwell_s"));
 
     for (text, line, key) in [
         ("[gimbals]\nstep_deg = inf", 2, "gimbals.step_deg"),

@@ -1,16 +1,27 @@
 //! The ways from position to position in degrees, and as a schedule says them.
 
+use std::f64::consts::TAU;
+
 use crate::attitude::{Degrees, Position, deg_of_rad};
 use crate::motion::way;
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::ScheduledPosition;
 
-/// The ways that are the differences of angles which are not wrapped, rad.
+/// The ways that are the differences of angles which are not wrapped, rad; of more than a whole turn
+/// the turns are left out. Where moves are measured, turning round and round shows much, and a search
+/// would wind a gimbal up without end: that is what tumbling is for, where it is allowed.
 pub(super) fn straight_ways(platform: &Platform, angles: &[[f64; 3]]) -> Vec<Option<[f64; 3]>> {
     let mut from = platform.standing().map(Position::to_array);
+    let limited = platform.gimbals().ranges.map(|range| range.is_some());
     let ways = angles.iter().map(|to| {
         let before = from.replace(*to)?;
-        Some(std::array::from_fn(|axis| to[axis] - before[axis]))
+        Some(std::array::from_fn(|axis| {
+            let straight = to[axis] - before[axis];
+            match limited[axis] {
+                true => straight,
+                false => straight - (straight / TAU).trunc() * TAU,
+            }
+        }))
     });
     ways.collect()
 }
@@ -58,4 +69,30 @@ pub(super) fn tidied(
         p
     });
     tidied.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::platform::PlatformConfig;
+
+    #[test]
+    fn no_way_is_longer_than_a_turn() {
+        let mut config = PlatformConfig::default();
+        config.gimbals.beta_deg = Some([-4000.0, 4000.0]);
+        let platform = config.check().unwrap();
+        let deg = |angles: [f64; 3]| angles.map(f64::to_radians);
+        let angles = [[10.0, 0.0, 0.0], [980.0, 1000.0, -720.5], [700.0, 0.0, 0.0]].map(deg);
+        let ways = straight_ways(&platform, &angles);
+        assert_eq!(ways[0], None);
+        for (way, expected) in ways[1..]
+            .iter()
+            .zip([[250.0, 1000.0, -0.5], [-280.0, -1000.0, 0.5]])
+        {
+            let way = way.unwrap().map(f64::to_degrees);
+            for (found, expected) in way.iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-9, "{way:?}");
+            }
+        }
+    }
 }

@@ -24,7 +24,8 @@
 //! optimistic filter, not a hundred diverged runs. So before the comparison the squares are
 //! divided by what the lower quartile of the runs exceeds that of χ² by, where it exceeds it: runs
 //! diverge from the others. The lower quartile is right until three of four runs have diverged,
-//! where a mean is spoilt by one. The verdict on the filter, which has no such factor, is in
+//! where a mean is spoilt by one; and beyond that its factor is bounded: errors of more than
+//! a hundred times what the filter says are no optimism, however many runs have them. The verdict on the filter, which has no such factor, is in
 //! [`judgement`](super::judgement).
 
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,10 @@ pub const FALSE_ALARM_PROBABILITY: f64 = 1e-6;
 
 /// How many diverged runs are listed one by one.
 pub const MOST_LISTED: usize = 20;
+
+/// The largest factor between the squares and χ² that is put down to optimism: errors a hundred times
+/// as large as the filter says. Beyond it most runs have diverged.
+const MOST_OPTIMISTIC: f64 = 1e4;
 
 /// An iterated filter has not settled when its last pass moved the estimate by more than this,
 /// squared and in σ.
@@ -174,7 +179,9 @@ impl Chance {
         values.sort_by(f64::total_cmp);
         let quartile = ChiSquared::new(dof as f64).map(|c| c.inverse_cdf(0.25));
         let scale = match (quartile, values.get(count.saturating_sub(1) / 4)) {
-            (Ok(expected), Some(found)) if found.is_finite() => (found / expected).max(1.0),
+            (Ok(expected), Some(found)) if found.is_finite() => {
+                (found / expected).clamp(1.0, MOST_OPTIMISTIC)
+            }
             _ => 1.0,
         };
         Self {
@@ -223,6 +230,25 @@ mod tests {
     }
 
     #[test]
+    fn runs_that_are_all_lost_have_all_diverged() {
+        for count in [2, 7, 40] {
+            let lost = (0..count).map(|k| run(15.0 * 1e6 * (1.0 + k as f64)));
+            let found = Divergence::of(&lost.collect::<Vec<_>>());
+            assert_eq!(found.count, count);
+            assert_eq!(found.rms_error_of_the_others_deg_per_h, None);
+        }
+        // A filter that is told a tenth of the noise is optimistic and no more.
+        let optimistic: Vec<_> = right(40, 5)
+            .into_iter()
+            .map(|r| RunSquares {
+                nees: 100.0 * r.nees,
+                ..r
+            })
+            .collect();
+        assert_eq!(Divergence::of(&optimistic).count, 0);
+    }
+
+    #[test]
     fn a_planted_divergence_is_found_by_its_sign() {
         type Plant = fn(&mut RunSquares);
         let plants: [(Plant, Sign, usize); 5] = [
@@ -257,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_filter_wrong_in_all_runs_alike_has_not_diverged() {
-        for factor in [1e-3, 9.0, 1e6] {
+        for factor in [1e-3, 9.0, 5e3] {
             let mut runs = right(100, 3);
             for r in &mut runs {
                 r.nees *= factor;

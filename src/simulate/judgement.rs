@@ -125,7 +125,11 @@ impl fmt::Display for Finding {
                 rms_error_deg_per_h,
             } => write!(
                 f,
-                "The RMS error of the other {runs} runs is {} deg/h.",
+                "The RMS error of the other {} is {} deg/h.",
+                match runs {
+                    1 => "run".to_owned(),
+                    runs => format!("{runs} runs"),
+                },
                 number(*rms_error_deg_per_h)
             ),
             Self::Errors {

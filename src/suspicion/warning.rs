@@ -248,7 +248,7 @@ impl Warning {
                 if_radians,
             } => {
                 let radians = if_radians.map_or_else(String::new, |v| {
-                    format!(" Radians? {given} would then be {}.", number(v))
+                    format!(" Radians? {given} would then be {}", number(v))
                 });
                 format!(
                     "{} times better than {}.{radians}",

@@ -263,6 +263,33 @@ fn turning_during_the_dwells_is_better_still() {
     assert!((found.total_time_s - 12_000.0).abs() < 1e-6);
 }
 
+/// Turning round and round while it measures shows much to so few positions; but without tumbling a
+/// gimbal turns once at the most on the way to a position.
+#[test]
+fn a_fast_stand_that_measures_is_not_wound_up() {
+    let evaluator = evaluator(Objective::default(), |c| {
+        c.motion.slew_rate_deg_per_s = Some(100.0);
+        c.motion.measure_moves = true;
+        c.motion.return_to_start = true;
+    });
+    for seed in 1..=4 {
+        let problem = SearchProblem {
+            total_time_s: 3000.0,
+            max_positions: 2,
+            starts: 4,
+            seed,
+            ..SearchProblem::default()
+        };
+        let found = run(&evaluator, &problem);
+        let timeline = Timeline::new(evaluator.platform(), &found.schedule).unwrap();
+        for leg in timeline.legs() {
+            for change in leg.arrival.map_or([0.0; 3], |m| m.change) {
+                assert!(change.to_degrees().abs() < 360.0 + 1e-6, "{change}");
+            }
+        }
+    }
+}
+
 #[test]
 fn positions_on_an_index_table_are_on_the_table() {
     for (step, bound, starts) in [(90.0, 0.0037, 12), (45.0, 0.00098, 8), (15.0, 0.00095, 2)] {
