@@ -274,6 +274,7 @@ mod tests {
             }),
             ("objective.score.covariance_weight", |c| {
                 c.objective.score.covariance_weight = 0.0;
+                c.objective.score.separability_weight = 0.0;
             }),
             ("objective.score.separability_weight", |c| {
                 c.objective.score.separability_weight = f64::INFINITY;

@@ -5,14 +5,14 @@
 //! One figure of merit, lower is better:
 //!
 //! ```text
-//! score = w_cov · ln(criterion) − w_sep · mean_i ln(separability_i)
+//! score = w_cov · ln(criterion) − w_sep · mean_i ln(max(separability_i, 1e-3))
 //! ```
 //!
 //! The first part is the covariance the filter converges to, by a [`Criterion`] on P_D; the
 //! second what the ε^n expansions say of telling the coefficients apart, all channels weighted
-//! by their noise. By default w_cov = 1, w_sep = 0: a schedule with a smaller criterion already
-//! separates what it must, and the separability is reported beside it. A `minimum_separability`
-//! is a requirement on every coefficient; a schedule that misses it is said to.
+//! by their noise; coefficients known before the test are left out. By default w_cov = 1, w_sep =
+//! 0.01: of schedules of nearly the same accuracy, the one that separates better. A
+//! `minimum_separability` is a requirement on every coefficient; a schedule that misses it is said to.
 //!
 //! # Two computations of every number
 //!
@@ -38,7 +38,7 @@ use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
-use crate::observability::separability::LogSeparability;
+use crate::observability::log_separability::LogSeparability;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
 pub(crate) use disagreement::MISALIGNMENT_NAMES;
@@ -67,7 +67,7 @@ impl Default for Objective {
         Self {
             criterion: Criterion::rms(),
             covariance_weight: 1.0,
-            separability_weight: 0.0,
+            separability_weight: Self::SEPARABILITY_WEIGHT,
             minimum_separability: 0.0,
             spec_deg_per_h: None,
             accept_unobservable: [false; COEFFICIENTS],
@@ -76,6 +76,17 @@ impl Default for Objective {
 }
 
 impl Objective {
+    /// The usual weight of the separability beside a covariance weight of 1.
+    pub const SEPARABILITY_WEIGHT: f64 = 0.01;
+
+    /// Whether separability is asked for by itself, not only to choose between schedules that the
+    /// criterion holds for nearly equal.
+    pub(crate) fn is_led_by_separability(&self) -> bool {
+        self.covariance_weight == 0.0
+            || self.minimum_separability > 0.0
+            || self.separability_weight > Self::SEPARABILITY_WEIGHT * self.covariance_weight
+    }
+
     pub(crate) fn uses_separability(&self) -> bool {
         self.separability_weight > 0.0 || self.minimum_separability > 0.0
     }
@@ -90,7 +101,8 @@ pub struct Score {
     pub criterion: f64,
     /// w_cov · ln(criterion).
     pub covariance_part: f64,
-    /// −w_sep · mean ln(separability); infinite when a coefficient cannot be separated at all.
+    /// −w_sep · mean ln(separability) over the coefficients that are not known before the test, each
+    /// counted as 1e-3 at least.
     pub separability_part: f64,
     /// Smallest separability of a coefficient.
     pub least_separability: f64,
@@ -342,8 +354,8 @@ impl Evaluator {
         let o = &self.objective;
         let criterion = o.criterion.value(end)?;
         let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
-        let mean_log = observability.separability.map(libm::log).mean();
-        let separability_part = weighted(o.separability_weight, -mean_log);
+        let counted = self.counted_separability(&observability.separability.map(libm::log));
+        let separability_part = o.separability_weight * counted.0;
         let least_separability = observability.separability.min();
         Ok(Score {
             value: covariance_part + separability_part,
@@ -376,25 +388,27 @@ impl Evaluator {
         Ok(weight * self.objective.criterion.log(covariance, smoothing)?)
     }
 
-    /// The merit of every timeline, several at once; without separability.
-    pub(crate) fn merits_by_covariance(
-        &self,
-        timelines: &[Timeline],
-        smoothing: Smoothing,
-    ) -> Vec<Result<f64>> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
-        self.model.values(timelines, TickRule::Relaxed, merit)
+    /// The merit of every timeline, several at once.
+    pub(crate) fn merits(&self, timelines: &[Timeline], smoothing: Smoothing) -> Vec<Result<f64>> {
+        self.merits_by(timelines, TickRule::Relaxed, smoothing)
     }
 
     /// The merit of every timeline by the filter's own rule, several at once.
     pub(crate) fn merits_by_filter(&self, timelines: &[Timeline]) -> Vec<Result<f64>> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, Smoothing::Exact);
-        let mut merits = self.model.values(timelines, TickRule::Filter, merit);
-        if self.objective.uses_separability() {
-            for (merit, timeline) in merits.iter_mut().zip(timelines) {
-                if let Ok(merit) = merit {
-                    *merit += self.separability_part(timeline);
-                }
+        self.merits_by(timelines, TickRule::Filter, Smoothing::Exact)
+    }
+
+    fn merits_by(
+        &self,
+        timelines: &[Timeline],
+        rule: TickRule,
+        smoothing: Smoothing,
+    ) -> Vec<Result<f64>> {
+        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
+        let mut merits = self.model.values(timelines, rule, merit);
+        for (merit, timeline) in merits.iter_mut().zip(timelines) {
+            if let Ok(merit) = merit {
+                *merit += self.separability_part(timeline);
             }
         }
         merits
@@ -405,10 +419,8 @@ impl Evaluator {
         if !self.objective.uses_separability() {
             return 0.0;
         }
-        match LogSeparability::new(&self.model, timeline) {
-            Some(s) => self.separability_merit(&s.log).0,
-            None => self.separability_merit(&not_separable()).0,
-        }
+        self.separability_merit(&LogSeparability::new(&self.model, timeline).log)
+            .0
     }
 
     /// [`Evaluator::merit`] with its gradient.
@@ -463,14 +475,28 @@ impl Evaluator {
         if !self.objective.uses_separability() {
             return;
         }
-        match LogSeparability::new(&self.model, timeline) {
-            Some(s) => {
-                let (part, slopes) = self.separability_merit(&s.log);
-                *value += part;
-                s.add_gradient(timeline, &slopes, gradient);
+        let s = LogSeparability::new(&self.model, timeline);
+        let (part, slopes) = self.separability_merit(&s.log);
+        *value += part;
+        s.add_gradient(timeline, &slopes, gradient);
+    }
+
+    /// −mean ln(separability) of the coefficients that are not known before the test, each counted
+    /// as [`LEAST_COUNTED`] at least, and its derivative with respect to each ln s_i.
+    fn counted_separability(&self, log: &CoefficientVector) -> (f64, CoefficientVector) {
+        let prior = self.model.prior_sigma_deg_per_h();
+        let least = libm::log(LEAST_COUNTED);
+        let unknown = prior.iter().filter(|s| **s > 0.0).count();
+        // With all of them known nothing is counted.
+        let share = 1.0 / unknown.max(1) as f64;
+        let (mut value, mut slopes) = (0.0, CoefficientVector::zeros());
+        for i in (0..COEFFICIENTS).filter(|&i| prior[i] > 0.0) {
+            value -= share * log[i].max(least);
+            if log[i] > least {
+                slopes[i] = -share;
             }
-            None => *value += self.separability_merit(&not_separable()).0,
         }
+        (value, slopes)
     }
 
     /// The separability's part of the merit and its derivative with respect to each ln s_i.
@@ -481,9 +507,9 @@ impl Evaluator {
         /// A penalty stops just short of its aim, so the aim is half a per cent above.
         const MARGIN: f64 = 0.005;
         let o = &self.objective;
-        let share = o.separability_weight / COEFFICIENTS as f64;
-        let mut value = -share * log.sum();
-        let mut slopes = CoefficientVector::repeat(-share);
+        let (counted, slopes) = self.counted_separability(log);
+        let mut value = o.separability_weight * counted;
+        let mut slopes = slopes * o.separability_weight;
         if o.minimum_separability > 0.0 {
             let wanted = libm::log(o.minimum_separability) + MARGIN;
             for (slope, log) in slopes.iter_mut().zip(log.iter()) {
@@ -503,11 +529,9 @@ fn weighted(weight: f64, value: f64) -> f64 {
     if weight == 0.0 { 0.0 } else { weight * value }
 }
 
-/// ln separability where some coefficient cannot be separated at all: as far as a
-/// [`LogSeparability`] reaches, so that a search still tells such plans apart by their covariance.
-fn not_separable() -> CoefficientVector {
-    CoefficientVector::repeat(-20.0)
-}
+/// A coefficient that is hardly separated, or not at all, counts in the score as if it were so far:
+/// one that no schedule on the stand can separate must not hide what is told of the others.
+const LEAST_COUNTED: f64 = 1e-3;
 
 /// Why numbers of 32 digits do not settle it.
 fn why_lost(timeline: &Timeline) -> &'static str {

@@ -28,6 +28,7 @@
 pub mod advice;
 pub mod classical;
 pub(crate) mod combinations;
+pub(crate) mod log_separability;
 pub mod nearly;
 mod order;
 pub(crate) mod regressor;

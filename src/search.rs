@@ -124,7 +124,7 @@ pub(crate) fn nothing_to_find(
     let Some(why) = objective.criterion.known_before(prior) else {
         return Ok(None);
     };
-    if objective.uses_separability() {
+    if objective.is_led_by_separability() {
         return Ok(None);
     }
     fit::LeastTime::of(evaluator.platform()).check(problem.total_time_s)?;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::PerCoefficient;
 use crate::drift::DriftCoefficient;
 use crate::error::{Error, Result};
+use crate::evaluate::Objective;
 use crate::platform::in_range;
 use crate::schedule::text;
 
@@ -150,7 +151,7 @@ impl Default for ObjectiveConfig {
 pub struct ScoreConfig {
     /// Weight of the covariance criterion, 0 to 1e6.
     pub covariance_weight: f64,
-    /// Weight of the separability of the coefficients, 0 to 1e6.
+    /// Weight of the separability of the coefficients, 0 to 1e6; 0: the covariance alone.
     pub separability_weight: f64,
     /// Least separability that a schedule must give every coefficient, 0 to 1.
     pub minimum_separability: f64,
@@ -160,7 +161,7 @@ impl Default for ScoreConfig {
     fn default() -> Self {
         Self {
             covariance_weight: 1.0,
-            separability_weight: 0.0,
+            separability_weight: Objective::SEPARABILITY_WEIGHT,
             minimum_separability: 0.0,
         }
     }

@@ -172,11 +172,6 @@ impl Move {
         });
         b
     }
-
-    /// A at the `fraction` of the move.
-    pub(crate) fn drift_matrix_at(&self, fraction: f64) -> DriftMatrix {
-        drift_matrix(&self.position_at(fraction).attitude())
-    }
 }
 
 #[cfg(test)]

@@ -8,9 +8,9 @@
 
 use super::order::Order;
 use super::row_space::counts;
-use crate::attitude::{EAST, NORTH, UP};
+use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
-use crate::drift::{COEFFICIENTS, DriftMatrix, drift_matrix};
+use crate::drift::{COEFFICIENTS, drift_matrix};
 use crate::motion::Timeline;
 use serde::{Deserialize, Serialize};
 
@@ -97,7 +97,8 @@ pub(crate) enum RowSource {
 pub(crate) struct RowBlock {
     pub leg: usize,
     pub source: RowSource,
-    pub a: DriftMatrix,
+    /// Where the platform is.
+    pub attitude: Attitude,
     /// The coefficient of ω_N ψ_y(0) in the z row: −1, in frame-hold −q_k.
     pub azimuth: f64,
     /// 1/σ of the channels x, y, z (indices of n).
@@ -107,6 +108,14 @@ pub(crate) struct RowBlock {
     /// The length of its rows in the geometry: 1, so that a position counts once; of a moment of a
     /// move 1/√(moments), so that a move does too, however many moments it is taken for.
     pub share: f64,
+}
+
+impl RowBlock {
+    /// Entry (i, a) of C_c^n without rounding.
+    #[inline]
+    pub fn entry(&self, i: usize, a: usize) -> f64 {
+        without_rounding(self.attitude.matrix()[(i, a)])
+    }
 }
 
 /// What a change of position in frame-hold repositioning tells about ω_N ψ_y(0).
@@ -126,6 +135,14 @@ impl Change {
     /// The coefficient of ω_N ψ_y(0): q_k √(1 − Q_yy²).
     pub fn coefficient(&self) -> f64 {
         self.share * (1.0 - self.cosine * self.cosine).max(0.0).sqrt()
+    }
+
+    /// The coefficient, where it tells anything.
+    pub fn told(&self) -> Option<f64> {
+        let coefficient = self.coefficient();
+        // A turn about the vertical moves nothing of ψ_y but by rounding.
+        let tells = self.weight > 0.0 && counts(coefficient.abs(), 1.0);
+        tells.then_some(coefficient)
     }
 }
 
@@ -172,7 +189,7 @@ impl Regressor {
                     blocks.push(RowBlock {
                         leg,
                         source: RowSource::Move { fraction },
-                        a: m.drift_matrix_at(fraction),
+                        attitude: m.position_at(fraction).attitude(),
                         azimuth: -1.0,
                         weights: weights.map(|w| w * share),
                         weight_rates: rates.map(|w| w * share),
@@ -184,7 +201,7 @@ impl Regressor {
             blocks.push(RowBlock {
                 leg,
                 source: RowSource::Dwell,
-                a: drift_matrix(&l.attitude),
+                attitude: l.attitude,
                 azimuth: -1.0,
                 weights,
                 weight_rates,
@@ -239,12 +256,13 @@ impl Regressor {
     /// The row of a channel in a block, weighted by one.
     pub fn row(&self, block: &RowBlock, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
+        let a = drift_matrix(&block.attitude);
         std::array::from_fn(|j| match j {
             COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => {
                 without_rounding(block.azimuth)
             }
             COEFFICIENTS => 0.0,
-            _ => without_rounding(block.a[(axis, j)]),
+            _ => without_rounding(a[(axis, j)]),
         })
     }
 
@@ -293,10 +311,7 @@ impl Regressor {
 
 /// The row of a change of position; none where it tells nothing.
 fn azimuth_row(change: &Change) -> Option<TaggedRow> {
-    let coefficient = change.coefficient();
-    // A turn about the vertical moves nothing of ψ_y but by rounding.
-    let tells = change.weight > 0.0 && counts(coefficient.abs(), 1.0);
-    tells.then(|| {
+    change.told().map(|coefficient| {
         let mut row = [0.0; UNKNOWNS];
         row[COEFFICIENTS] = coefficient;
         TaggedRow {

@@ -404,7 +404,8 @@ impl<'a> Estimates<'a> {
         timeline: &'a Timeline,
     ) -> Self {
         let evaluator = context.evaluator;
-        let by_covariance = !evaluator.objective().uses_separability();
+        // Estimates leave the separability out: only where it is no more than a tie-breaker.
+        let by_covariance = !evaluator.objective().is_led_by_separability();
         let slews = evaluator.platform().motion().slew_rate_rad_per_s.is_some();
         Self {
             context,

@@ -244,10 +244,13 @@ fn screen_together(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<R
 }
 
 impl Context<'_> {
-    /// The criterion behind a merit, where the merit is nothing but its logarithm.
+    /// The criterion behind a merit: what is left of it without the separability's part.
     fn shown_criterion(&self, refined: &Refined) -> Option<f64> {
-        let o = self.evaluator.objective();
-        let plain = o.separability_weight == 0.0 && o.minimum_separability == 0.0;
-        (plain && o.covariance_weight > 0.0).then(|| libm::exp(refined.merit / o.covariance_weight))
+        let weight = self.evaluator.objective().covariance_weight;
+        (weight > 0.0).then(|| {
+            let timeline = refined.plan.timeline(self.evaluator.platform());
+            let covariance_part = refined.merit - self.evaluator.separability_part(&timeline);
+            libm::exp(covariance_part / weight)
+        })
     }
 }

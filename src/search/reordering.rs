@@ -124,17 +124,13 @@ fn estimated(
         return Vec::new();
     }
     let evaluator = context.evaluator;
-    if evaluator.objective().uses_separability() {
-        let rated = plans.filter_map(|plan| rate(context, &plan, smoothing));
-        return rated.map(|r| (r.merit, r.plan)).collect();
-    }
     let (platform, total_time_s) = (evaluator.platform(), context.problem.total_time_s);
     let plans: Vec<Plan> = plans
         .filter_map(|plan| plan.fitted(platform, total_time_s))
         .collect();
     context.work.count_evaluations(plans.len() as u64);
     let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(platform)).collect();
-    let merits = evaluator.merits_by_covariance(&timelines, smoothing);
+    let merits = evaluator.merits(&timelines, smoothing);
     // An order whose merit cannot be computed is no candidate.
     let all = merits.into_iter().zip(plans);
     all.filter_map(|(merit, plan)| Some((merit.ok().filter(|m| m.is_finite())?, plan)))
