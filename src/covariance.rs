@@ -6,17 +6,16 @@
 //! a schedule is a short [`chain`] of them, at a cost independent of how long the dwells are:
 //!
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
-//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
+//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
+//!   and, where those are lost, in numbers of 32 digits;
 //! - [`gradient`]: its reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
-//! - `extended`: kernels and chain in numbers of 32 digits, where doubles are lost;
 //! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
 //!   own, for the convergence history and to check every winner; it says what the two share.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
 pub mod chain;
-mod extended;
 pub(crate) mod fast;
 pub mod filter;
 pub mod gradient;
@@ -27,7 +26,9 @@ pub(crate) mod link;
 pub(crate) mod real;
 mod root;
 mod rows;
+mod selection;
 mod small;
+mod triangle;
 
 use std::borrow::Cow;
 

@@ -297,7 +297,7 @@ impl Evaluator {
             Err(error) if error.is_numerical() => None,
             Err(error) => return Err(error),
         };
-        let end = self.model.end_covariance_extended(timeline)?;
+        let end = self.model.end_covariance_in::<Extended>(timeline)?;
         let judged = self.judge::<Extended>(&end, timeline)?;
         let agreement = judged
             .agreement
