@@ -25,6 +25,7 @@ open!(
     drift,
     dynamics,
     evaluate,
+    model,
     motion,
     observability,
     platform,
