@@ -18,6 +18,7 @@
 pub mod chain;
 pub(crate) mod fast;
 pub mod filter;
+pub mod full;
 pub mod gradient;
 pub mod history;
 pub mod kernel;
@@ -26,7 +27,7 @@ pub(crate) mod link;
 pub(crate) mod real;
 mod root;
 mod rows;
-mod selection;
+pub(crate) mod selection;
 mod small;
 mod triangle;
 
@@ -34,10 +35,11 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{EAST, UP};
+use crate::attitude::{EAST, NORTH, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
+use crate::model::ErrorModel;
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
@@ -98,6 +100,12 @@ pub struct CovarianceModel {
     pub(crate) prior_sigma: CoefficientVector,
     /// The same gyro by gyro.
     prior_scale: PriorScale,
+    /// All parameters, for the route of [`CovarianceModel::full_covariance`].
+    pub(crate) errors: ErrorModel,
+    /// Variance of the azimuth measured in a period, arcsec².
+    pub(crate) azimuth_variance: Option<f64>,
+    /// ω_ie^n, rad/s.
+    pub(crate) earth_rate_n: Vector3<f64>,
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
     pub(crate) kernels: KernelTable,
@@ -125,6 +133,11 @@ impl CovarianceModel {
             prior_psi: Matrix3::from_diagonal(&prior),
             prior_sigma,
             prior_scale: PriorScale::new(&prior_sigma),
+            errors: platform.errors.clone(),
+            azimuth_variance: platform
+                .azimuth_noise_rad
+                .map(|v| Angle::from_rad(v).arcsec().powi(2)),
+            earth_rate_n: platform.earth_rate_n,
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
@@ -136,6 +149,21 @@ impl CovarianceModel {
     pub fn with_most_lanes(mut self, most: usize) -> Self {
         self.most_lanes = most;
         self
+    }
+
+    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, seen in two
+    /// channels.
+    pub(crate) fn is_of_the_paper(&self) -> bool {
+        self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
+    }
+
+    /// Variance of the measurement of each component of ψ^n in a period, arcsec².
+    pub(crate) fn measured_variance(&self) -> [Option<f64>; 3] {
+        let mut measured = [None; 3];
+        measured[NORTH] = Some(self.noise_variance);
+        measured[EAST] = Some(self.noise_variance);
+        measured[UP] = self.azimuth_variance;
+        measured
     }
 
     /// ω_N, rad/s.

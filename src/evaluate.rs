@@ -25,17 +25,19 @@
 
 mod disagreement;
 
-use crate::covariance::chain::WithPrecision;
 use crate::covariance::filter::{self, instrument::Instrument};
+use crate::covariance::full::{FullCovariance, IgnoredGroup};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::real::{Extended, Real};
+use crate::covariance::selection::FullWithTold;
 use crate::covariance::{
     CoefficientCovariance, CovarianceModel, EndCovariance, Precision, Slope, TickRule,
 };
 use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
+use crate::model::Parameter;
 use crate::motion::Timeline;
 use crate::observability::Observability;
 use crate::observability::separability::LogSeparability;
@@ -105,8 +107,15 @@ pub struct Evaluation {
     pub total_time_s: f64,
     /// Of which moves and settles, s, and what was done before an interruption.
     pub overhead_s: f64,
-    /// Covariance at the end.
+    /// Covariance of the coefficients and of ψ^n at the end; with considered parameters the truth.
     pub end: EndCovariance,
+    /// The parameters of the platform: the twelve coefficients, others that are estimated, and those
+    /// that are only considered.
+    pub parameters: Vec<Parameter>,
+    /// 1σ of each estimated parameter in its unit, and what the filter claims of it.
+    pub known: Vec<KnownParameter>,
+    /// What ignoring each group of errors adds.
+    pub budget: Vec<IgnoredGroup>,
     /// Prior 1σ of the coefficients, °/h.
     pub prior_sigma_deg_per_h: CoefficientVector,
     /// The score.
@@ -147,9 +156,27 @@ impl Evaluation {
     }
 }
 
+/// What is known of an estimated parameter at the end of a test, in its unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownParameter {
+    /// 1σ: the truth.
+    pub sigma: f64,
+    /// What the filter claims, which does not know of the considered parameters.
+    pub claimed_sigma: f64,
+}
+
+fn known_parameters(full: &FullCovariance) -> Vec<KnownParameter> {
+    let both = full.sigma().into_iter().zip(full.claimed_sigma());
+    both.map(|(sigma, claimed_sigma)| KnownParameter {
+        sigma,
+        claimed_sigma,
+    })
+    .collect()
+}
+
 /// What two computations came to.
 struct Checked {
-    end: EndCovariance,
+    full: FullCovariance,
     convergence: ConvergenceHistory,
     agreement: f64,
     precision: Precision,
@@ -196,10 +223,10 @@ impl Evaluator {
     pub fn new(platform: Platform, objective: Objective) -> Self {
         let model = CovarianceModel::new(&platform);
         Self {
+            instrument: Instrument::of(&platform),
             platform,
             objective,
             model,
-            instrument: Instrument::PAPER,
         }
     }
 
@@ -243,18 +270,23 @@ impl Evaluator {
         let timeline = Timeline::new(&self.platform, schedule)?;
         let total_time_s = timeline.total_time_s();
         let Checked {
-            end,
+            full,
             convergence,
             agreement,
             precision,
             first_disagreement,
         } = self.checked(&timeline)?;
+        let known = known_parameters(&full);
+        let FullCovariance { end, budget, .. } = full;
         let observability = Observability::analyze(&self.model, &timeline)?;
         Ok(Evaluation {
             total_time_s,
             overhead_s: timeline.overhead_s(),
             score: self.score(&end, &observability)?,
             end,
+            parameters: self.model.errors.parameters().to_vec(),
+            known,
+            budget,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
             convergence,
@@ -267,18 +299,18 @@ impl Evaluator {
     /// The end of `timeline` by kernels and filter: in doubles and, where those have lost the
     /// digits that are compared, once more in numbers of 32 digits.
     fn checked(&self, timeline: &Timeline) -> Result<Checked> {
-        let WithPrecision {
-            end,
+        let FullWithTold {
+            full,
             precision,
             told,
-        } = self.model.end_with_precision(timeline, TickRule::Filter)?;
-        let first = match self.judge::<f64>(&end, timeline) {
+        } = self.model.full_with_told(timeline)?;
+        let first = match self.judge::<f64>(&full, timeline) {
             Ok(Judged {
                 convergence,
                 agreement: Ok(agreement),
             }) => {
                 return Ok(Checked {
-                    end,
+                    full,
                     convergence,
                     agreement,
                     precision,
@@ -297,13 +329,13 @@ impl Evaluator {
             Err(error) if error.is_numerical() => None,
             Err(error) => return Err(error),
         };
-        let end = self.model.end_covariance_in::<Extended>(timeline)?;
-        let judged = self.judge::<Extended>(&end, timeline)?;
+        let full = self.model.full_covariance_in::<Extended>(timeline)?.full;
+        let judged = self.judge::<Extended>(&full, timeline)?;
         let agreement = judged
             .agreement
             .map_err(|again| again.error().with_hint(why_lost(timeline)))?;
         Ok(Checked {
-            end,
+            full,
             convergence: judged.convergence,
             agreement,
             precision: Precision::Extended,
@@ -326,15 +358,20 @@ impl Evaluator {
         rounding.is_nan() || rounding >= 1.0 || found.difference <= rounding
     }
 
-    /// Compares `end` with what the filter comes to in numbers `T`.
-    fn judge<T: Real>(&self, end: &EndCovariance, timeline: &Timeline) -> Result<Judged> {
+    /// Compares `full` with what the filter comes to in numbers `T`.
+    fn judge<T: Real>(&self, full: &FullCovariance, timeline: &Timeline) -> Result<Judged> {
         let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
         let filter = filter::run::<T>(&self.platform, &self.instrument, timeline, &mut |m| {
             recorder.observe(m);
         })?;
         Ok(Judged {
             convergence: recorder.finish(),
-            agreement: compare(end, &filter, self.model.noise_variance.sqrt()),
+            agreement: compare(
+                self.model.errors.parameters(),
+                full,
+                &filter,
+                self.model.noise_variance.sqrt(),
+            ),
         })
     }
 

@@ -37,23 +37,14 @@ use nalgebra::{DefaultAllocator, Dim, Matrix3, OMatrix, U3};
 use super::kernel::Kernel;
 use super::real::{Extended, Real};
 use super::rows::Rows;
+use super::selection::MOST_IN_DOUBLES;
 use super::small::square_root;
 use super::triangle::{add_roots, inverse, one_and};
-use super::{CovarianceModel, CovarianceRoot, EndCovariance, Precision, TickRule, split_periods};
+use super::{CovarianceModel, CovarianceRoot, EndCovariance, TickRule, split_periods};
 use crate::attitude::{Attitude, EAST, NORTH};
 use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::error::Result;
 use crate::motion::{Leg, Move, Timeline};
-
-/// The covariance at the end of a schedule, and what it took.
-pub(crate) struct WithPrecision {
-    pub end: EndCovariance,
-    /// The numbers it was worked out in.
-    pub precision: Precision,
-    /// How many times better than its prior, σ against σ, some combination of coefficients is
-    /// told.
-    pub told: f64,
-}
 
 /// The state of the chain of the twelve coefficients: V, P.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -176,6 +167,25 @@ pub(crate) trait Effects {
     fn moved(&self, m: &Move, start_s: f64, length_s: f64) -> Self::Drive;
     /// The kernel of so many filter periods.
     fn kernel(&self, periods: usize) -> Kernel<Self::Number>;
+    /// What a measurement of one filter period sees of ψ^n, with unit noise.
+    fn measurement(&self) -> Matrix3<Self::Number>;
+
+    /// What a move that takes no time adds to ψ^n.
+    fn jump(&self, _: &Move) -> Option<Self::Drive> {
+        None
+    }
+    /// U: what the accelerometers show as ψ^n at a place.
+    fn shift<'a>(&self, _: &'a Self::Place) -> Option<&'a Self::Drive> {
+        None
+    }
+    /// What the vertical channel tells of the parameters in a period, with unit noise.
+    fn upward<'a>(&self, _: &'a Self::Place) -> Option<&'a Self::Drive> {
+        None
+    }
+    /// The place so long after the start of a move, if measurements there depend on it.
+    fn passed(&self, _: &Move, _time_s: f64) -> Option<Self::Place> {
+        None
+    }
 }
 
 /// The twelve coefficients in doubles.
@@ -207,6 +217,9 @@ impl Effects for Twelve<'_> {
     }
     fn kernel(&self, periods: usize) -> Kernel {
         self.0.kernels.kernel(periods)
+    }
+    fn measurement(&self) -> Matrix3<f64> {
+        measurement_root(self.0.noise_variance.recip())
     }
 }
 
@@ -251,11 +264,15 @@ pub(super) fn run<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
     for (index, leg) in timeline.legs().iter().enumerate() {
         runner.leg = index;
         let here = effects.place(leg);
-        if let Some(before) = &before {
-            runner.arrive(leg, &here, before);
+        match &before {
+            Some(before) => runner.arrive(leg, &here, before),
+            None => runner.enter(&here),
         }
         runner.dwell(leg, &here);
         before = Some(here);
+    }
+    if let Some(last) = &before {
+        runner.leave(last);
     }
     Reached {
         v: runner.v,
@@ -344,44 +361,23 @@ impl CovarianceModel {
     /// 1e8 times better than its prior, I + R11 P R11ᵀ loses its I. Under the filter's rule it is
     /// then worked out in numbers of 32 digits.
     ///
+    /// Of the twelve coefficients alone, in the paper's mounting: for searches.
+    ///
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
     pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
-        Ok(self.end_with_precision(timeline, rule)?.end)
-    }
-
-    /// The same, with the numbers that it took.
-    ///
-    /// # Errors
-    ///
-    /// As [`CovarianceModel::end_covariance`].
-    pub(crate) fn end_with_precision(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-    ) -> Result<WithPrecision> {
-        /// Information of 1e-7 of a unit prior: its share of a σ is below 1e-13.
-        const MOST_IN_DOUBLES: f64 = 1e9;
         let (mut rows, state) = self.rows(timeline, rule);
         let told = rows.largest();
         let root = rows.covariance_root();
         let lost = root.is_err() || told > MOST_IN_DOUBLES;
-        let (end, precision) = match rule == TickRule::Filter && lost {
-            true => (
-                self.end_covariance_in::<Extended>(timeline)?,
-                Precision::Extended,
-            ),
-            false => (EndCovariance::new(root?, &state), Precision::Double),
-        };
-        Ok(WithPrecision {
-            end,
-            precision,
-            told,
-        })
+        match rule == TickRule::Filter && lost && self.is_of_the_paper() {
+            true => Ok(self.full_covariance_in::<Extended>(timeline)?.full.end),
+            false => Ok(EndCovariance::new(root?, &state)),
+        }
     }
 
-    fn rows(&self, timeline: &Timeline, rule: TickRule) -> (Rows, State) {
+    pub(super) fn rows(&self, timeline: &Timeline, rule: TickRule) -> (Rows, State) {
         let mut rows = Rows::new(&self.prior_sigma);
         let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
         (rows, state)
@@ -405,7 +401,7 @@ impl CovarianceModel {
 impl EndCovariance {
     /// P_D = L Lᵀ; ψ^n's covariance is P + (V L)(V L)ᵀ. By V P_D Vᵀ it would be a difference of
     /// large numbers under weak priors, and could come out negative.
-    fn new(root: CovarianceRoot, state: &State) -> Self {
+    pub(super) fn new(root: CovarianceRoot, state: &State) -> Self {
         let through_drift = state.v * root.matrix();
         Self {
             coefficients: root.matrix() * root.matrix().transpose(),
@@ -420,17 +416,23 @@ impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> 
         let Some(arrival) = &leg.arrival else {
             return;
         };
+        self.leave(before);
         if self.model().frame_hold {
             self.recorder.record(self.leg, Step::Rotate);
             let attitude = |place| self.effects.attitude(place);
             let q = attitude(here) * attitude(before).transpose();
             self.v = self.v.turned(&q);
             self.g = q * self.g;
-        } else if arrival.measured && arrival.duration_s > 0.0 {
+        } else if arrival.duration_s <= 0.0 {
+            if let Some(jump) = self.effects.jump(arrival) {
+                self.v.add(&jump);
+            }
+        } else if arrival.measured {
             self.measured_move(arrival);
-        } else if arrival.duration_s > 0.0 {
+        } else {
             self.moving(arrival, 0.0, arrival.duration_s);
         }
+        self.enter(here);
         if leg.settle_s > 0.0 {
             self.pass_at(Passage::Settle, here, leg.settle_s);
         }
@@ -440,19 +442,44 @@ impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> 
         self.effects.model()
     }
 
+    /// From ψ^n to ψ^n + U D.
+    fn enter(&mut self, place: &E::Place) {
+        if let Some(shift) = self.effects.shift(place) {
+            self.v.add(shift);
+        }
+    }
+
+    /// And back.
+    fn leave(&mut self, place: &E::Place) {
+        if let Some(shift) = self.effects.shift(place) {
+            self.v.take(shift);
+        }
+    }
+
     /// A measured move: the filter's ticks run through it.
     fn measured_move(&mut self, arrival: &Move) {
         let period = self.model().period_s;
         let (ticks, remainder) = split_periods(arrival.duration_s, period);
-        let weight = self.model().noise_variance.recip();
         for tick in 0..ticks {
             self.moving(arrival, tick as f64 * period, period);
-            self.measure(weight, Measured::Move);
+            self.measure_in_move(arrival, (tick + 1) as f64 * period, 1.0);
         }
         if remainder > 0.0 {
             self.moving(arrival, ticks as f64 * period, remainder);
             if self.rule == TickRule::Relaxed {
-                self.measure(weight * remainder / period, Measured::Move);
+                self.measure_in_move(arrival, arrival.duration_s, remainder / period);
+            }
+        }
+    }
+
+    /// A measurement so long after the start of a move.
+    fn measure_in_move(&mut self, m: &Move, time_s: f64, share: f64) {
+        match self.effects.passed(m, time_s) {
+            None => self.measure(share, Measured::Move, None),
+            Some(place) => {
+                self.enter(&place);
+                self.measure(share, Measured::Move, Some(&place));
+                self.leave(&place);
             }
         }
     }
@@ -466,8 +493,8 @@ impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> 
         if remainder > 0.0 {
             self.pass_at(Passage::Remainder, here, remainder);
             if self.rule == TickRule::Relaxed {
-                let weight = remainder / (self.model().period_s * self.model().noise_variance);
-                self.measure(weight, Measured::Dwell);
+                let share = remainder / self.model().period_s;
+                self.measure(share, Measured::Dwell, Some(here));
             }
         }
     }
@@ -478,6 +505,7 @@ impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> 
         t.add(&self.effects.held(&k.r12, here));
         self.condition(&k.r11, &t);
         self.sink.add(&self.effects.held(&k.r22, here));
+        self.look_up(here, periods as f64);
         self.v = self.v.turned(&k.a_psi);
         self.v.add(&self.effects.held(&k.a_epsilon, here));
         self.g = add_roots(&(k.a_psi * self.g), &k.u);
@@ -517,11 +545,24 @@ impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> 
         self.g = add_roots(&(phi * self.g), &(Matrix3::identity() * process));
     }
 
-    fn measure(&mut self, weight: f64, of: Measured) {
+    /// A measurement with the information of a `share` of a period.
+    fn measure(&mut self, share: f64, of: Measured, at: Option<&E::Place>) {
+        let weight = share / self.model().noise_variance;
         self.recorder.record(self.leg, Step::Measure { weight, of });
-        let h = measurement_root(weight).map(E::Number::from);
+        let h = self.effects.measurement() * E::Number::from(share).sqrt();
         let t = self.v.turned(&h);
         self.condition(&h, &t);
+        if let Some(at) = at {
+            self.look_up(at, share);
+        }
+    }
+
+    /// What the vertical channel tells in so many periods.
+    fn look_up(&mut self, at: &E::Place, periods: f64) {
+        if let Some(upward) = self.effects.upward(at) {
+            let root = E::Number::from(periods).sqrt();
+            self.sink.add(&upward.turned(&(Matrix3::identity() * root)));
+        }
     }
 }
 
@@ -577,7 +618,11 @@ mod tests {
             let timeline = timeline.unwrap();
             let model = CovarianceModel::new(&platform);
             let doubles = model.end_covariance(&timeline, TickRule::Filter).unwrap();
-            let extended = model.end_covariance_in::<Extended>(&timeline).unwrap();
+            let extended = model
+                .full_covariance_in::<Extended>(&timeline)
+                .unwrap()
+                .full
+                .end;
             let (a, b) = (&doubles.coefficients, &extended.coefficients);
             for i in 0..COEFFICIENTS {
                 for j in 0..COEFFICIENTS {

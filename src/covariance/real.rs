@@ -9,6 +9,7 @@ use faer::traits::RealField;
 use nalgebra::{ClosedAddAssign, ClosedMulAssign, ClosedSubAssign, Matrix3, Scalar};
 use num_traits::{One, Zero};
 
+use super::Precision;
 use crate::attitude::{Degrees, Position};
 use crate::dynamics::ErrorDynamics;
 
@@ -37,6 +38,9 @@ pub(crate) trait Real:
     /// Terms of a series of size one that are less than this are below rounding.
     const SMALLEST_TERM: f64;
 
+    /// Its name.
+    const PRECISION: Precision;
+
     /// The nearest double.
     fn f64(self) -> f64;
 
@@ -53,6 +57,7 @@ pub(crate) trait Real:
 impl Real for f64 {
     const KNOWN: f64 = 1e-9;
     const SMALLEST_TERM: f64 = 1e-18;
+    const PRECISION: Precision = Precision::Double;
 
     fn f64(self) -> f64 {
         self
@@ -74,6 +79,7 @@ impl Real for f64 {
 impl Real for Extended {
     const KNOWN: f64 = 1e-12;
     const SMALLEST_TERM: f64 = 1e-34;
+    const PRECISION: Precision = Precision::Extended;
 
     fn f64(self) -> f64 {
         self.0
@@ -207,21 +213,6 @@ pub(crate) fn transposed<T: Real, const A: usize, const B: usize>(
     a: &Dense<T, A, B>,
 ) -> Dense<T, B, A> {
     std::array::from_fn(|j| std::array::from_fn(|i| a[i][j]))
-}
-
-/// R⁻¹ of an upper triangular R.
-pub(crate) fn inverse_of_triangle<T: Real, const N: usize>(r: &Dense<T, N, N>) -> Dense<T, N, N> {
-    let mut inverse = identity();
-    for i in (0..N).rev() {
-        let mut row: [T; N] = inverse[i];
-        for (below, factor) in inverse[i + 1..].iter().zip(&r[i][i + 1..]) {
-            for (value, below) in row.iter_mut().zip(below) {
-                *value -= *factor * *below;
-            }
-        }
-        inverse[i] = row.map(|value| value / r[i][i]);
-    }
-    inverse
 }
 
 /// The same numbers in another precision.
