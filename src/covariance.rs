@@ -35,11 +35,11 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{EAST, NORTH, UP};
-use crate::drift::{CoefficientMatrix, CoefficientVector};
+use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix, drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
-use crate::model::ErrorModel;
+use crate::model::{ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
@@ -149,6 +149,19 @@ impl CovarianceModel {
     pub fn with_most_lanes(mut self, most: usize) -> Self {
         self.most_lanes = most;
         self
+    }
+
+    /// A of the twelve coefficients at an attitude, in the platform's own mounting.
+    pub(crate) fn drift_matrix(&self, attitude: &Attitude) -> DriftMatrix {
+        self.mounted(drift_matrix(attitude))
+    }
+
+    /// A of the paper's mounting in the platform's own.
+    pub(crate) fn mounted(&self, a: DriftMatrix) -> DriftMatrix {
+        match self.errors.mounting() {
+            mounting if *mounting == Mounting::PAPER => a,
+            mounting => a * mounting.from_the_papers(),
+        }
     }
 
     /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, seen in two

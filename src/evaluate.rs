@@ -25,6 +25,8 @@
 
 mod disagreement;
 
+use nalgebra::DMatrix;
+
 use crate::covariance::filter::{self, instrument::Instrument};
 use crate::covariance::full::{FullCovariance, IgnoredGroup};
 use crate::covariance::gradient::LegGradient;
@@ -39,8 +41,9 @@ use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::model::Parameter;
 use crate::motion::Timeline;
-use crate::observability::Observability;
+use crate::observability::parameters::{ParameterObservability, of_parameters};
 use crate::observability::separability::LogSeparability;
+use crate::observability::{Observability, Order};
 use crate::platform::Platform;
 use crate::schedule::Schedule;
 pub(crate) use disagreement::MISALIGNMENT_NAMES;
@@ -109,11 +112,9 @@ pub struct Evaluation {
     pub overhead_s: f64,
     /// Covariance of the coefficients and of ψ^n at the end; with considered parameters the truth.
     pub end: EndCovariance,
-    /// The parameters of the platform: the twelve coefficients, others that are estimated, and those
+    /// Every parameter of the platform: the twelve coefficients, others that are estimated, and those
     /// that are only considered.
-    pub parameters: Vec<Parameter>,
-    /// 1σ of each estimated parameter in its unit, and what the filter claims of it.
-    pub known: Vec<KnownParameter>,
+    pub parameters: Vec<KnownParameter>,
     /// What ignoring each group of errors adds.
     pub budget: Vec<IgnoredGroup>,
     /// Prior 1σ of the coefficients, °/h.
@@ -156,27 +157,44 @@ impl Evaluation {
     }
 }
 
-/// What is known of an estimated parameter at the end of a test, in its unit.
+/// What is known of a parameter at the end of a test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KnownParameter {
-    /// 1σ: the truth.
+    /// Which it is, and what was known of it before.
+    pub parameter: Parameter,
+    /// 1σ in its unit: the truth. Of one that is only considered, what it was.
     pub sigma: f64,
-    /// What the filter claims, which does not know of the considered parameters.
-    pub claimed_sigma: f64,
+    /// What the filter claims, where there are parameters that it does not know of.
+    pub claimed_sigma: Option<f64>,
+    /// Highest derivative of the measurement that a solution needs; none: not observable, or not
+    /// estimated.
+    pub order: Option<Order>,
+    /// How far its signature is its own, 0 to 1; none: known exactly before the test, or not estimated.
+    pub separability: Option<f64>,
 }
 
-fn known_parameters(full: &FullCovariance) -> Vec<KnownParameter> {
-    let both = full.sigma().into_iter().zip(full.claimed_sigma());
-    both.map(|(sigma, claimed_sigma)| KnownParameter {
-        sigma,
-        claimed_sigma,
-    })
-    .collect()
+fn known_parameters(
+    parameters: &[Parameter],
+    full: &FullCovariance,
+    of_each: &[ParameterObservability],
+) -> Vec<KnownParameter> {
+    let (truth, claimed) = (full.sigma(), full.claimed_sigma());
+    let differs = truth.len() < parameters.len();
+    let known = |(k, parameter): (usize, &Parameter)| KnownParameter {
+        parameter: *parameter,
+        sigma: truth.get(k).copied().unwrap_or(parameter.prior_sigma),
+        claimed_sigma: claimed.get(k).copied().filter(|_| differs),
+        order: of_each.get(k).and_then(|of| of.order),
+        separability: of_each.get(k).and_then(|of| of.separability),
+    };
+    parameters.iter().enumerate().map(known).collect()
 }
 
 /// What two computations came to.
 struct Checked {
     full: FullCovariance,
+    /// Of the information on the estimated parameters.
+    triangle: DMatrix<f64>,
     convergence: ConvergenceHistory,
     agreement: f64,
     precision: Precision,
@@ -271,21 +289,22 @@ impl Evaluator {
         let total_time_s = timeline.total_time_s();
         let Checked {
             full,
+            triangle,
             convergence,
             agreement,
             precision,
             first_disagreement,
         } = self.checked(&timeline)?;
-        let known = known_parameters(&full);
-        let FullCovariance { end, budget, .. } = full;
         let observability = Observability::analyze(&self.model, &timeline)?;
+        let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
+        let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
+        let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
             overhead_s: timeline.overhead_s(),
             score: self.score(&end, &observability)?,
             end,
-            parameters: self.model.errors.parameters().to_vec(),
-            known,
+            parameters,
             budget,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
@@ -301,6 +320,7 @@ impl Evaluator {
     fn checked(&self, timeline: &Timeline) -> Result<Checked> {
         let FullWithTold {
             full,
+            triangle,
             precision,
             told,
         } = self.model.full_with_told(timeline)?;
@@ -311,6 +331,7 @@ impl Evaluator {
             }) => {
                 return Ok(Checked {
                     full,
+                    triangle,
                     convergence,
                     agreement,
                     precision,
@@ -329,13 +350,15 @@ impl Evaluator {
             Err(error) if error.is_numerical() => None,
             Err(error) => return Err(error),
         };
-        let full = self.model.full_covariance_in::<Extended>(timeline)?.full;
+        let FullWithTold { full, triangle, .. } =
+            self.model.full_covariance_in::<Extended>(timeline)?;
         let judged = self.judge::<Extended>(&full, timeline)?;
         let agreement = judged
             .agreement
             .map_err(|again| again.error().with_hint(why_lost(timeline)))?;
         Ok(Checked {
             full,
+            triangle,
             convergence: judged.convergence,
             agreement,
             precision: Precision::Extended,

@@ -150,6 +150,13 @@ pub(crate) enum Feature {
     Rate(usize),
 }
 
+impl Feature {
+    /// Whether it is one of the commanded rate.
+    pub const fn is_rate(self) -> bool {
+        matches!(self, Self::Rate(_))
+    }
+}
+
 /// Where a parameter shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Instrument {
@@ -259,13 +266,6 @@ impl ErrorModel {
     /// Whether there is nothing but the twelve coefficients in the paper's mounting.
     pub fn is_of_the_paper(&self) -> bool {
         self.parameters.len() == COEFFICIENTS && self.mounting == Mounting::PAPER
-    }
-
-    /// Whether an accelerometer has an error.
-    pub(crate) fn has_accelerometers(&self) -> bool {
-        let effects = self.effects();
-        let mut all = effects.iter().flatten();
-        all.any(|e| matches!(e.on, Instrument::Accelerometer(_)))
     }
 
     /// What each parameter does, in the filter's units per unit of the parameter.

@@ -31,6 +31,7 @@ pub mod classical;
 mod combinations;
 pub mod levelling;
 pub mod nearly;
+pub mod parameters;
 pub mod reconstruction;
 mod regressor;
 mod row_space;

@@ -12,6 +12,7 @@ mod bound;
 mod comparison;
 mod counters;
 mod layout;
+mod parameters;
 #[cfg(feature = "schema")]
 pub mod schema;
 mod schemes;
@@ -48,6 +49,7 @@ pub use comparison::{
     COMPARISON_SCHEMA, ComparedCoefficient, ComparedRecord, ComparisonDocument, SkippedContender,
 };
 pub use counters::{CounterRecord, RefinementRecord};
+pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use schemes::{SCHEMES_SCHEMA, SchemeListDocument, SchemeRecord};
 pub use simulation::{
     SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment, SimulatedPosition,
@@ -103,6 +105,14 @@ pub struct EvaluationDocument {
     pub misalignment: Vec<MisalignmentRecord>,
     /// The drift coefficients, D_FX to D_SZ.
     pub coefficients: Vec<CoefficientRecord>,
+    /// Every parameter of the platform in its own unit: the drift coefficients, others that the filter
+    /// estimates, and those that it does not know of.
+    #[serde(default)]
+    pub parameters: Vec<ParameterRecord>,
+    /// What ignoring each group of `[errors]` would do to the drift coefficients; left out where there is
+    /// none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub budget: Vec<BudgetRecord>,
     /// What the schedule makes observable.
     pub observability: ObservabilityRecord,
     /// σ against time.
@@ -445,6 +455,8 @@ impl EvaluationDocument {
                 })
                 .collect(),
             coefficients: coefficients(evaluation, objective.spec_deg_per_h.as_ref()),
+            parameters: parameters::of(evaluation, objective.spec_deg_per_h.as_ref()),
+            budget: parameters::budget(evaluation),
             observability: ObservabilityRecord::from(&evaluation.observability),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,

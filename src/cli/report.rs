@@ -93,6 +93,14 @@ pub(super) fn evaluation(
     text.push_str(&table::schedule(platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
+    if document.parameters.len() > document.coefficients.len() {
+        text.push_str("\nOther parameters after the test, 1 sigma\n\n");
+        text.push_str(&table::parameters(document));
+    }
+    if !document.budget.is_empty() {
+        text.push_str("\nWhat a filter would add that ignored a group and estimated the rest\n\n");
+        text.push_str(&table::budget(document));
+    }
     text.push('\n');
     text.push_str(&table::misalignment(document));
     text.push('\n');

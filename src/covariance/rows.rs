@@ -85,6 +85,11 @@ impl<T: Real> Rows<T> {
         all.fold(0.0_f64, |max, v| max.max(v.f64().abs()))
     }
 
+    /// The triangle of the first parameters, in units of the prior σ.
+    pub fn first_columns(&self, count: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(self.used, count, |i, j| self.stack[i][j].f64())
+    }
+
     /// What a filter comes to that estimates the parameters of both `blocks`, from their priors and
     /// all rows, and does not know of those that it has `ignored`, nor of any others.
     ///

@@ -27,7 +27,8 @@ use super::kernel_table::Doublings;
 use super::real::{Extended, Real};
 use super::rows::{Rows, Solved};
 use super::{CovarianceModel, EndCovariance, Precision, TickRule, not_finite};
-use crate::attitude::{EAST, NORTH, UP};
+use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::drift::COEFFICIENTS;
 use crate::error::Result;
 use crate::model::{Effect, Feature, Instrument};
 use crate::motion::integral::for_each_share;
@@ -261,6 +262,9 @@ pub(super) const MOST_IN_DOUBLES: f64 = 1e9;
 /// The covariance of all parameters, and what it took.
 pub(crate) struct FullWithTold {
     pub full: FullCovariance,
+    /// A triangle of the information on the estimated parameters without their priors, each in units of
+    /// its prior σ.
+    pub triangle: DMatrix<f64>,
     /// The numbers it was worked out in.
     pub precision: Precision,
     /// How many times better than its prior, σ against σ, some combination of parameters is told.
@@ -268,6 +272,11 @@ pub(crate) struct FullWithTold {
 }
 
 impl CovarianceModel {
+    /// A of the parameters that are drift by gravity, zero for all others.
+    pub(crate) fn drift_by_gravity(&self, attitude: &Attitude) -> Matrix3xX<f64> {
+        Mixing::<f64>::new(&self.errors.effects()).drift(attitude.matrix(), &Vector3::zeros(), 1.0)
+    }
+
     /// What is known of all parameters at the end of `timeline`, by the filter's tick rule: in doubles
     /// where they are enough, see [`CovarianceModel::end_covariance`].
     ///
@@ -301,9 +310,11 @@ impl CovarianceModel {
     fn twelve_in_doubles(&self, timeline: &Timeline) -> Result<FullWithTold> {
         let (mut rows, state) = self.rows(timeline, TickRule::Filter);
         let told = rows.largest();
+        let triangle = rows.first_columns(COEFFICIENTS);
         let end = EndCovariance::new(rows.covariance_root()?, &state);
         Ok(FullWithTold {
             full: FullCovariance::of_coefficients(end),
+            triangle,
             precision: Precision::Double,
             told,
         })
@@ -355,6 +366,7 @@ impl CovarianceModel {
         match full.is_finite() {
             true => Ok(FullWithTold {
                 full,
+                triangle: rows.first_columns(self.errors.estimated()),
                 precision: T::PRECISION,
                 told,
             }),

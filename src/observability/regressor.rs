@@ -10,7 +10,7 @@ use super::Order;
 use super::row_space::counts;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
-use crate::drift::{COEFFICIENTS, DriftMatrix, drift_matrix};
+use crate::drift::{COEFFICIENTS, DriftMatrix};
 use crate::motion::Timeline;
 use serde::{Deserialize, Serialize};
 
@@ -172,7 +172,7 @@ impl Regressor {
                     blocks.push(Block {
                         leg,
                         source: RowSource::Move { fraction },
-                        a: m.drift_matrix_at(fraction),
+                        a: model.mounted(m.drift_matrix_at(fraction)),
                         azimuth: -1.0,
                         weights: weights.map(|w| w * share),
                         weight_rates: rates.map(|w| w * share),
@@ -184,7 +184,7 @@ impl Regressor {
             blocks.push(Block {
                 leg,
                 source: RowSource::Dwell,
-                a: drift_matrix(&l.attitude),
+                a: model.drift_matrix(&l.attitude),
                 azimuth: -1.0,
                 weights,
                 weight_rates,
