@@ -30,6 +30,7 @@ mod rows;
 pub(crate) mod selection;
 mod small;
 mod triangle;
+mod twelve;
 
 use std::borrow::Cow;
 

@@ -24,6 +24,7 @@
 //! there was in doubles is kept ([`Evaluation::first_disagreement`]).
 
 mod disagreement;
+mod known;
 
 use nalgebra::DMatrix;
 
@@ -39,16 +40,17 @@ use crate::covariance::{
 use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
-use crate::model::Parameter;
 use crate::motion::Timeline;
-use crate::observability::parameters::{ParameterObservability, of_parameters};
+use crate::observability::Observability;
+use crate::observability::parameters::of_parameters;
 use crate::observability::separability::LogSeparability;
-use crate::observability::{Observability, Order};
 use crate::platform::Platform;
 use crate::schedule::Schedule;
 pub(crate) use disagreement::MISALIGNMENT_NAMES;
 use disagreement::compare;
 pub use disagreement::{AGREEMENT, CORRELATION_AGREEMENT, Compared, Disagreement};
+pub use known::KnownParameter;
+use known::known_parameters;
 
 /// What makes one schedule better than another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,39 +157,6 @@ impl Evaluation {
         let (log_det, open) = self.end.root.log_determinant();
         (open == COEFFICIENTS).then_some(log_det)
     }
-}
-
-/// What is known of a parameter at the end of a test.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KnownParameter {
-    /// Which it is, and what was known of it before.
-    pub parameter: Parameter,
-    /// 1σ in its unit: the truth. Of one that is only considered, what it was.
-    pub sigma: f64,
-    /// What the filter claims, where there are parameters that it does not know of.
-    pub claimed_sigma: Option<f64>,
-    /// Highest derivative of the measurement that a solution needs; none: not observable, or not
-    /// estimated.
-    pub order: Option<Order>,
-    /// How far its signature is its own, 0 to 1; none: known exactly before the test, or not estimated.
-    pub separability: Option<f64>,
-}
-
-fn known_parameters(
-    parameters: &[Parameter],
-    full: &FullCovariance,
-    of_each: &[ParameterObservability],
-) -> Vec<KnownParameter> {
-    let (truth, claimed) = (full.sigma(), full.claimed_sigma());
-    let differs = truth.len() < parameters.len();
-    let known = |(k, parameter): (usize, &Parameter)| KnownParameter {
-        parameter: *parameter,
-        sigma: truth.get(k).copied().unwrap_or(parameter.prior_sigma),
-        claimed_sigma: claimed.get(k).copied().filter(|_| differs),
-        order: of_each.get(k).and_then(|of| of.order),
-        separability: of_each.get(k).and_then(|of| of.separability),
-    };
-    parameters.iter().enumerate().map(known).collect()
 }
 
 /// What two computations came to.
@@ -586,113 +555,4 @@ fn why_lost(timeline: &Timeline) -> &'static str {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::attitude::Position;
-    use crate::drift::DriftCoefficient;
-    use crate::error::Error;
-    use crate::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-    use crate::schedule::ScheduledPosition;
-
-    fn schedule() -> Schedule {
-        let positions = [
-            ([10.0, 20.0, 30.0], 604.0),
-            ([-80.0, 65.0, 140.0], 1300.0),
-            ([150.0, -40.0, -75.0], 955.0),
-            ([35.0, 110.0, 5.0], 777.0),
-        ];
-        let held = positions.map(|([a, b, c], dwell_s)| {
-            ScheduledPosition::new(Position::from_deg(a, b, c), dwell_s)
-        });
-        Schedule::new(held.into()).unwrap()
-    }
-
-    fn evaluator(slews: bool) -> Evaluator {
-        let mut config = PlatformConfig::default();
-        if slews {
-            config.motion.slew_rate_deg_per_s = Some(0.7);
-            config.motion.measure_moves = true;
-        }
-        Evaluator::new(config.check().unwrap(), Objective::default())
-    }
-
-    fn refused(instrument: Instrument) -> Error {
-        let found = evaluator(false).judged_on(instrument).evaluate(&schedule());
-        let error = found.unwrap_err();
-        assert!(error.is_disagreement(), "{error}");
-        assert!(
-            evaluator(true)
-                .judged_on(instrument)
-                .evaluate(&schedule())
-                .unwrap_err()
-                .is_disagreement()
-        );
-        error
-    }
-
-    #[test]
-    fn a_fault_planted_in_the_filter_is_refused_by_name() {
-        let named = |error: &Error| {
-            let all = DriftCoefficient::ALL.map(DriftCoefficient::name);
-            let psi = MISALIGNMENT_NAMES;
-            let mut names = all.iter().chain(&psi);
-            assert!(names.any(|n| error.to_string().contains(n)), "{error}");
-        };
-        for gyro in 0..3 {
-            // A wrong axis: input and output exchanged, or the spin axis along the input axis.
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[gyro].swap(0, 1);
-            named(&refused(wrong));
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[gyro][2] = wrong.axes[gyro][0];
-            named(&refused(wrong));
-            // The sign of one coefficient: σ does not know it, correlations do.
-            for kind in 0..3 {
-                let mut wrong = Instrument::PAPER;
-                wrong.axes[gyro][kind] = wrong.axes[gyro][kind].map(|v| -v);
-                let error = refused(wrong).to_string();
-                let coefficient = DriftCoefficient::ALL[3 * (1 + kind) + gyro].name();
-                assert!(error.contains(coefficient), "{coefficient}: {error}");
-            }
-        }
-        // The order of the turns.
-        named(&refused(Instrument {
-            turns: [2, 1, 0],
-            ..Instrument::PAPER
-        }));
-        // A measurement at the end of a rest that is shorter than a period.
-        named(&refused(Instrument {
-            split: |duration_s, period_s| ((duration_s / period_s).ceil() as usize, 0.0),
-            ..Instrument::PAPER
-        }));
-        // A period too few.
-        named(&refused(Instrument {
-            split: |duration_s, period_s| {
-                let periods = ((duration_s / period_s) as usize).saturating_sub(1);
-                (periods, duration_s - periods as f64 * period_s)
-            },
-            ..Instrument::PAPER
-        }));
-    }
-
-    #[test]
-    fn a_fault_is_not_taken_for_lost_digits_nor_hidden_by_them() {
-        for sigma in [1e2, 1e6, 1e10] {
-            let mut config = PlatformConfig::default();
-            config.prior.constant_drift_deg_per_h = AxisValue::All(sigma);
-            config.prior.g_sensitive_drift_deg_per_h_per_g =
-                GSensitivePrior::All(AxisValue::All(sigma));
-            let evaluator = || Evaluator::new(config.check().unwrap(), Objective::default());
-            let right = evaluator().evaluate(&schedule()).unwrap();
-            assert_eq!(
-                right.precision == Precision::Extended,
-                sigma > 1e5,
-                "{sigma:e}"
-            );
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[1].swap(0, 1);
-            let found = evaluator().judged_on(wrong).evaluate(&schedule());
-            assert!(found.unwrap_err().is_disagreement(), "{sigma:e}");
-        }
-    }
-}
+mod tests;

@@ -7,7 +7,7 @@ use super::screen::Screen;
 
 use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
-use crate::report::numbers::{number, optional, seconds};
+use crate::report::numbers::{number, optional, seconds, separability};
 use crate::results::schema::DocumentKind;
 use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord, RoleRecord};
 use crate::schedule::standard::StandardScheme;
@@ -119,41 +119,44 @@ pub(super) fn coefficients(document: &EvaluationDocument) -> String {
     format!("{table}D_I, D_O and D_S: deg/h per g.\n")
 }
 
-/// The parameters beside the coefficients, by group.
+/// The parameters beside the coefficients, a table for each group.
 pub(super) fn parameters(document: &EvaluationDocument) -> String {
     let others = &document.parameters[document.coefficients.len()..];
     let claims = others.iter().any(|p| p.claimed_sigma.is_some());
-    let mut group = "";
-    let rows = others.iter().map(|p| {
-        let is_considered = p.role == RoleRecord::Considered;
-        let mut row = vec![match group == p.group {
-            true => String::new(),
-            false => p.group.clone(),
-        }];
-        group = &p.group;
-        row.extend([p.name.clone(), p.unit.clone(), number(p.prior_sigma)]);
-        row.push(match is_considered {
-            true => "considered".to_owned(),
-            false => number(p.sigma),
-        });
-        if claims {
-            row.push(optional(p.claimed_sigma, number));
+    let mut text = String::new();
+    for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {
+        let ignored = match group[0].role {
+            RoleRecord::Estimated => "",
+            RoleRecord::Considered => ", not known to the filter",
+        };
+        text.push_str(&format!("\n{}{ignored}\n\n", group[0].group));
+        text.push_str(&parameters_of_group(group, claims));
+    }
+    text
+}
+
+fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
+    let is_estimated = group[0].role == RoleRecord::Estimated;
+    let rows = group.iter().map(|p| {
+        let mut row = vec![p.name.clone(), p.unit.clone(), number(p.prior_sigma)];
+        if is_estimated {
+            row.push(number(p.sigma));
+            if claims {
+                row.push(optional(p.claimed_sigma, number));
+            }
+            row.push(optional(p.observability_order, |o| o.to_string()));
+            row.push(optional(p.separability, separability));
         }
-        row.push(optional(p.observability_order, |o| o.to_string()));
-        row.push(optional(p.separability, |s| format!("{s:.4}")));
         row
     });
-    let mut columns = vec![
-        ("group", Left),
-        ("parameter", Left),
-        ("unit", Left),
-        ("prior", Right),
-        ("sigma", Right),
-    ];
-    if claims {
-        columns.push(("claimed", Right));
+    let mut columns = vec![("parameter", Left), ("unit", Left), ("prior", Right)];
+    if is_estimated {
+        columns.push(("sigma", Right));
+        if claims {
+            columns.push(("claimed", Right));
+        }
+        columns.extend([("order", Right), ("separability", Right)]);
     }
-    columns.extend([("order", Right), ("separability", Right)]);
     render_rows(&columns, rows.collect())
 }
 
@@ -162,20 +165,17 @@ pub(super) fn budget(document: &EvaluationDocument) -> String {
     let rows = document.budget.iter().map(|b| {
         let worst = b.worst.as_ref();
         [
-            match b.role {
-                RoleRecord::Estimated => b.group.clone(),
-                RoleRecord::Considered => format!("{} (ignored already)", b.group),
-            },
+            b.group.clone(),
             number(b.rms_error_if_ignored_deg_per_h),
             optional(b.ratio, |r| format!("{r:.2}")),
-            optional(worst, |w| format!("{} x {:.2}", w.name.name(), w.ratio)),
+            optional(worst, |w| format!("{} {:.2}", w.name.name(), w.ratio)),
         ]
     });
     let columns = [
         ("group", Left),
-        ("RMS error, deg/h", Right),
-        ("beside RMS sigma", Right),
-        ("worst beside its sigma", Right),
+        ("deg/h", Right),
+        ("x sigma", Right),
+        ("worst", Right),
     ];
     render(columns, rows.collect())
 }

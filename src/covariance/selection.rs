@@ -394,3 +394,6 @@ fn misalignment<T: Real>(
         + &by_ignored * by_ignored.transpose();
     covariance.map(T::f64)
 }
+
+#[cfg(test)]
+mod tests;

@@ -119,6 +119,9 @@ fn turns_unmeasured(model: &CovarianceModel, timeline: &Timeline) -> bool {
 /// Orders of the parameters after the twelve coefficients, as far as they are of drift by gravity.
 fn quadratic_orders(model: &CovarianceModel, timeline: &Timeline) -> Vec<Option<Order>> {
     let count = model.errors.estimated() - COEFFICIENTS;
+    if count == 0 {
+        return Vec::new();
+    }
     let regressor = Regressor::new(model, timeline);
     let row = |t: &TaggedRow| -> Vec<f64> {
         let leg = &timeline.legs()[t.leg];
@@ -126,9 +129,10 @@ fn quadratic_orders(model: &CovarianceModel, timeline: &Timeline) -> Vec<Option<
             (RowSource::Move { fraction }, Some(m)) => m.position_at(fraction).attitude(),
             _ => leg.attitude,
         };
+        let drift = model.drift_by_gravity(&attitude);
         let of_channel = |k: usize| match t.channel {
             Channel::Azimuth => 0.0,
-            channel => model.drift_by_gravity(&attitude)[(channel.axis(), COEFFICIENTS + k)],
+            channel => drift[(channel.axis(), COEFFICIENTS + k)],
         };
         let more = (0..count).map(of_channel);
         let all = t.row.iter().copied().chain(more);
@@ -139,9 +143,6 @@ fn quadratic_orders(model: &CovarianceModel, timeline: &Timeline) -> Vec<Option<
         let matrix = DMatrix::from_fn(rows.len(), UNKNOWNS + count, |i, j| rows[i][j]);
         Space::of(matrix)
     };
-    if count == 0 {
-        return Vec::new();
-    }
     let [first, all] = [space(&Channel::FIRST), space(&Channel::ALL)];
     (0..count)
         .map(|k| {
