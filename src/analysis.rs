@@ -6,9 +6,7 @@ mod unobservable;
 
 use crate::attitude::{EAST, NORTH, Position, UP};
 use crate::covariance::CovarianceModel;
-use crate::drift::{
-    COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, drift_matrix,
-};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
@@ -325,7 +323,7 @@ fn states(
         let mut highest = Some(Order::Zero);
         let told = |b: &&crate::observability::regressor::RowBlock| b.weights[NORTH] > 0.0;
         for block in regressor.blocks.iter().filter(told) {
-            let a = drift_matrix(&block.attitude);
+            let a = regressor.mounting.drift_matrix(&block.attitude);
             let row = CoefficientVector::from_fn(|j, _| a[(axis, j)]);
             let order = observability.order_of(&Combination::from_weights(&row, 0.0));
             highest = highest.zip(order).map(|(a, b)| a.max(b));

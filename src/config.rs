@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drift::CoefficientVector;
 use crate::error::{Error, Result};
-use crate::platform::{GyroConfig, Platform, PlatformConfig, in_range};
+use crate::platform::{Platform, PlatformConfig, in_range};
 use crate::schedule::Schedule;
 
 /// A platform file: platform, objective and search, with units in the names.
@@ -71,7 +71,8 @@ impl StudyConfig {
     /// the configuration says by itself what is computed with.
     fn resolve(&mut self) {
         let gyro = &mut self.platform.gyro;
-        if *gyro == GyroConfig::default() {
+        if gyro.random_drift_deg_per_h.is_none() && gyro.angle_random_walk_deg_per_sqrt_h.is_none()
+        {
             gyro.random_drift_deg_per_h = Some(crate::platform::DEFAULT_RANDOM_DRIFT_DEG_PER_H);
         }
     }
@@ -223,7 +224,7 @@ impl CheckedConfig {
 mod tests {
     use super::*;
     use crate::drift::DriftCoefficient;
-    use crate::platform::{AxisValue, GSensitivePrior};
+    use crate::platform::{AxisValue, ErrorTable, GSensitivePrior, OutputAxis};
     use std::collections::BTreeSet;
 
     #[test]
@@ -328,6 +329,19 @@ mod tests {
         assert_eq!(study.spec_deg_per_h().unwrap()[11], 0.005);
     }
 
+    fn every_error() -> ErrorTable {
+        let mut table = serde_json::Map::new();
+        for group in crate::model::optional_groups() {
+            table.insert(group.key.to_owned(), 1.0.into());
+        }
+        let mut table: ErrorTable = serde_json::from_value(table.into()).unwrap();
+        for group in crate::model::optional_groups() {
+            let names = group.names.iter().map(|name| ((*name).to_owned(), 1.0));
+            table.parameter.extend(names);
+        }
+        table
+    }
+
     /// A configuration with something at every key.
     fn full() -> StudyConfig {
         let mut c = StudyConfig::default();
@@ -343,6 +357,13 @@ mod tests {
         gimbals.beta_deg = Some([0.0, 1.0]);
         gimbals.gamma_deg = Some([0.0, 1.0]);
         gimbals.step_deg = Some(1.0);
+        let axis = |name: &str| Some(OutputAxis::Named(name.to_owned()));
+        let output = &mut c.platform.gyro.output_axis;
+        (output.x, output.y, output.z) = (axis("+y"), axis("+z"), axis("+x"));
+        c.platform.azimuth.noise_arcsec = Some(5.0);
+        let errors = &mut c.platform.errors;
+        errors.estimated = every_error();
+        errors.considered = every_error();
         c.platform.motion.slew_rate_deg_per_s = Some(1.0);
         c.platform.motion.start_deg = Some([0.0; 3]);
         c.objective.spec_deg_per_h = PerCoefficient {
@@ -380,7 +401,7 @@ mod tests {
         let default = StudyConfig::default();
         leaves("", &serde_json::to_value(full()).unwrap(), &mut found);
         leaves("", &serde_json::to_value(&default).unwrap(), &mut found);
-        let known: BTreeSet<_> = keys::KNOWN.iter().map(|(k, _)| (*k).to_owned()).collect();
+        let known: BTreeSet<_> = keys::KNOWN.iter().map(|(k, _)| k.clone()).collect();
         assert_eq!(found, known);
         assert_eq!(known.len(), keys::KNOWN.len(), "a key is listed twice");
     }

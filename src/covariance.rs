@@ -6,19 +6,19 @@
 //! a schedule is a short [`chain`] of them, at a cost independent of how long the dwells are:
 //!
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
-//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias);
+//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
+//!   and, where those are lost, in numbers of 32 digits;
 //! - [`gradient`]: its reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
-//! - `extended`: kernels and chain in numbers of 32 digits, where doubles are lost;
 //! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
 //!   own, for the convergence history and to check every winner; it says what the two share.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
 pub mod chain;
-mod extended;
 pub(crate) mod fast;
 pub mod filter;
+pub mod full;
 pub mod gradient;
 pub mod history;
 pub mod kernel;
@@ -27,16 +27,20 @@ pub(crate) mod link;
 pub(crate) mod real;
 mod root;
 mod rows;
+pub(crate) mod selection;
 mod small;
+mod triangle;
+mod twelve;
 
 use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{EAST, UP};
-use crate::drift::{CoefficientMatrix, CoefficientVector};
+use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
+use crate::model::{ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
@@ -97,6 +101,12 @@ pub struct CovarianceModel {
     pub(crate) prior_sigma: CoefficientVector,
     /// The same gyro by gyro.
     prior_scale: PriorScale,
+    /// All parameters, for the route of [`CovarianceModel::full_covariance`].
+    pub(crate) errors: ErrorModel,
+    /// Variance of the azimuth measured in a period, arcsec².
+    pub(crate) azimuth_variance: Option<f64>,
+    /// ω_ie^n, rad/s.
+    pub(crate) earth_rate_n: Vector3<f64>,
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
     pub(crate) kernels: KernelTable,
@@ -124,6 +134,11 @@ impl CovarianceModel {
             prior_psi: Matrix3::from_diagonal(&prior),
             prior_sigma,
             prior_scale: PriorScale::new(&prior_sigma),
+            errors: platform.errors.clone(),
+            azimuth_variance: platform
+                .azimuth_noise_rad
+                .map(|v| Angle::from_rad(v).arcsec().powi(2)),
+            earth_rate_n: platform.earth_rate_n,
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
@@ -135,6 +150,31 @@ impl CovarianceModel {
     pub fn with_most_lanes(mut self, most: usize) -> Self {
         self.most_lanes = most;
         self
+    }
+
+    /// A of the twelve coefficients at an attitude, in the platform's own mounting.
+    pub(crate) fn drift_matrix(&self, attitude: &Attitude) -> DriftMatrix {
+        self.mounting().drift_matrix(attitude)
+    }
+
+    /// The axes of the gyros.
+    pub(crate) fn mounting(&self) -> &Mounting {
+        self.errors.mounting()
+    }
+
+    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, seen in two
+    /// channels.
+    pub(crate) fn is_of_the_paper(&self) -> bool {
+        self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
+    }
+
+    /// Variance of the measurement of each component of ψ^n in a period, arcsec².
+    pub(crate) fn measured_variance(&self) -> [Option<f64>; 3] {
+        let mut measured = [None; 3];
+        measured[NORTH] = Some(self.noise_variance);
+        measured[EAST] = Some(self.noise_variance);
+        measured[UP] = self.azimuth_variance;
+        measured
     }
 
     /// ω_N, rad/s.

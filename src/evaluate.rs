@@ -24,12 +24,16 @@
 //! there was in doubles is kept ([`Evaluation::first_disagreement`]).
 
 mod disagreement;
+mod known;
 
-use crate::covariance::chain::WithPrecision;
+use nalgebra::DMatrix;
+
 use crate::covariance::filter::{self, instrument::Instrument};
+use crate::covariance::full::{FullCovariance, IgnoredGroup};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::real::{Extended, Real};
+use crate::covariance::selection::FullWithTold;
 use crate::covariance::{
     CoefficientCovariance, CovarianceModel, EndCovariance, Precision, Slope, TickRule,
 };
@@ -39,11 +43,14 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
 use crate::observability::log_separability::LogSeparability;
+use crate::observability::parameters::of_parameters;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
 pub(crate) use disagreement::MISALIGNMENT_NAMES;
 use disagreement::compare;
 pub use disagreement::{AGREEMENT, CORRELATION_AGREEMENT, Compared, Disagreement};
+pub use known::KnownParameter;
+use known::known_parameters;
 
 /// What makes one schedule better than another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,8 +124,13 @@ pub struct Evaluation {
     pub total_time_s: f64,
     /// Of which moves and settles, s, and what was done before an interruption.
     pub overhead_s: f64,
-    /// Covariance at the end.
+    /// Covariance of the coefficients and of ψ^n at the end; with considered parameters the truth.
     pub end: EndCovariance,
+    /// Every parameter of the platform: the twelve coefficients, others that are estimated, and those
+    /// that are only considered.
+    pub parameters: Vec<KnownParameter>,
+    /// What ignoring each group of errors adds.
+    pub budget: Vec<IgnoredGroup>,
     /// Prior 1σ of the coefficients, °/h.
     pub prior_sigma_deg_per_h: CoefficientVector,
     /// The score.
@@ -161,7 +173,9 @@ impl Evaluation {
 
 /// What two computations came to.
 struct Checked {
-    end: EndCovariance,
+    full: FullCovariance,
+    /// Of the information on the estimated parameters.
+    triangle: DMatrix<f64>,
     convergence: ConvergenceHistory,
     agreement: f64,
     precision: Precision,
@@ -208,10 +222,10 @@ impl Evaluator {
     pub fn new(platform: Platform, objective: Objective) -> Self {
         let model = CovarianceModel::new(&platform);
         Self {
+            instrument: Instrument::of(&platform),
             platform,
             objective,
             model,
-            instrument: Instrument::PAPER,
         }
     }
 
@@ -255,18 +269,24 @@ impl Evaluator {
         let timeline = Timeline::new(&self.platform, schedule)?;
         let total_time_s = timeline.total_time_s();
         let Checked {
-            end,
+            full,
+            triangle,
             convergence,
             agreement,
             precision,
             first_disagreement,
         } = self.checked(&timeline)?;
         let observability = Observability::analyze(&self.model, &timeline)?;
+        let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
+        let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
+        let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
             overhead_s: timeline.overhead_s(),
             score: self.score(&end, &observability)?,
             end,
+            parameters,
+            budget,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
             convergence,
@@ -279,18 +299,20 @@ impl Evaluator {
     /// The end of `timeline` by kernels and filter: in doubles and, where those have lost the
     /// digits that are compared, once more in numbers of 32 digits.
     fn checked(&self, timeline: &Timeline) -> Result<Checked> {
-        let WithPrecision {
-            end,
+        let FullWithTold {
+            full,
+            triangle,
             precision,
             told,
-        } = self.model.end_with_precision(timeline, TickRule::Filter)?;
-        let first = match self.judge::<f64>(&end, timeline) {
+        } = self.model.full_with_told(timeline)?;
+        let first = match self.judge::<f64>(&full, timeline) {
             Ok(Judged {
                 convergence,
                 agreement: Ok(agreement),
             }) => {
                 return Ok(Checked {
-                    end,
+                    full,
+                    triangle,
                     convergence,
                     agreement,
                     precision,
@@ -309,13 +331,15 @@ impl Evaluator {
             Err(error) if error.is_numerical() => None,
             Err(error) => return Err(error),
         };
-        let end = self.model.end_covariance_extended(timeline)?;
-        let judged = self.judge::<Extended>(&end, timeline)?;
+        let FullWithTold { full, triangle, .. } =
+            self.model.full_covariance_in::<Extended>(timeline)?;
+        let judged = self.judge::<Extended>(&full, timeline)?;
         let agreement = judged
             .agreement
             .map_err(|again| again.error().with_hint(why_lost(timeline)))?;
         Ok(Checked {
-            end,
+            full,
+            triangle,
             convergence: judged.convergence,
             agreement,
             precision: Precision::Extended,
@@ -338,15 +362,20 @@ impl Evaluator {
         rounding.is_nan() || rounding >= 1.0 || found.difference <= rounding
     }
 
-    /// Compares `end` with what the filter comes to in numbers `T`.
-    fn judge<T: Real>(&self, end: &EndCovariance, timeline: &Timeline) -> Result<Judged> {
+    /// Compares `full` with what the filter comes to in numbers `T`.
+    fn judge<T: Real>(&self, full: &FullCovariance, timeline: &Timeline) -> Result<Judged> {
         let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
         let filter = filter::run::<T>(&self.platform, &self.instrument, timeline, &mut |m| {
             recorder.observe(m);
         })?;
         Ok(Judged {
             convergence: recorder.finish(),
-            agreement: compare(end, &filter, self.model.noise_variance.sqrt()),
+            agreement: compare(
+                self.model.errors.parameters(),
+                full,
+                &filter,
+                self.model.noise_variance.sqrt(),
+            ),
         })
     }
 
@@ -550,113 +579,4 @@ fn why_lost(timeline: &Timeline) -> &'static str {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::attitude::Position;
-    use crate::drift::DriftCoefficient;
-    use crate::error::Error;
-    use crate::platform::{AxisValue, GSensitivePrior, PlatformConfig};
-    use crate::schedule::ScheduledPosition;
-
-    fn schedule() -> Schedule {
-        let positions = [
-            ([10.0, 20.0, 30.0], 604.0),
-            ([-80.0, 65.0, 140.0], 1300.0),
-            ([150.0, -40.0, -75.0], 955.0),
-            ([35.0, 110.0, 5.0], 777.0),
-        ];
-        let held = positions.map(|([a, b, c], dwell_s)| {
-            ScheduledPosition::new(Position::from_deg(a, b, c), dwell_s)
-        });
-        Schedule::new(held.into()).unwrap()
-    }
-
-    fn evaluator(slews: bool) -> Evaluator {
-        let mut config = PlatformConfig::default();
-        if slews {
-            config.motion.slew_rate_deg_per_s = Some(0.7);
-            config.motion.measure_moves = true;
-        }
-        Evaluator::new(config.check().unwrap(), Objective::default())
-    }
-
-    fn refused(instrument: Instrument) -> Error {
-        let found = evaluator(false).judged_on(instrument).evaluate(&schedule());
-        let error = found.unwrap_err();
-        assert!(error.is_disagreement(), "{error}");
-        assert!(
-            evaluator(true)
-                .judged_on(instrument)
-                .evaluate(&schedule())
-                .unwrap_err()
-                .is_disagreement()
-        );
-        error
-    }
-
-    #[test]
-    fn a_fault_planted_in_the_filter_is_refused_by_name() {
-        let named = |error: &Error| {
-            let all = DriftCoefficient::ALL.map(DriftCoefficient::name);
-            let psi = MISALIGNMENT_NAMES;
-            let mut names = all.iter().chain(&psi);
-            assert!(names.any(|n| error.to_string().contains(n)), "{error}");
-        };
-        for gyro in 0..3 {
-            // A wrong axis: input and output exchanged, or the spin axis along the input axis.
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[gyro].swap(0, 1);
-            named(&refused(wrong));
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[gyro][2] = wrong.axes[gyro][0];
-            named(&refused(wrong));
-            // The sign of one coefficient: σ does not know it, correlations do.
-            for kind in 0..3 {
-                let mut wrong = Instrument::PAPER;
-                wrong.axes[gyro][kind] = wrong.axes[gyro][kind].map(|v| -v);
-                let error = refused(wrong).to_string();
-                let coefficient = DriftCoefficient::ALL[3 * (1 + kind) + gyro].name();
-                assert!(error.contains(coefficient), "{coefficient}: {error}");
-            }
-        }
-        // The order of the turns.
-        named(&refused(Instrument {
-            turns: [2, 1, 0],
-            ..Instrument::PAPER
-        }));
-        // A measurement at the end of a rest that is shorter than a period.
-        named(&refused(Instrument {
-            split: |duration_s, period_s| ((duration_s / period_s).ceil() as usize, 0.0),
-            ..Instrument::PAPER
-        }));
-        // A period too few.
-        named(&refused(Instrument {
-            split: |duration_s, period_s| {
-                let periods = ((duration_s / period_s) as usize).saturating_sub(1);
-                (periods, duration_s - periods as f64 * period_s)
-            },
-            ..Instrument::PAPER
-        }));
-    }
-
-    #[test]
-    fn a_fault_is_not_taken_for_lost_digits_nor_hidden_by_them() {
-        for sigma in [1e2, 1e6, 1e10] {
-            let mut config = PlatformConfig::default();
-            config.prior.constant_drift_deg_per_h = AxisValue::All(sigma);
-            config.prior.g_sensitive_drift_deg_per_h_per_g =
-                GSensitivePrior::All(AxisValue::All(sigma));
-            let evaluator = || Evaluator::new(config.check().unwrap(), Objective::default());
-            let right = evaluator().evaluate(&schedule()).unwrap();
-            assert_eq!(
-                right.precision == Precision::Extended,
-                sigma > 1e5,
-                "{sigma:e}"
-            );
-            let mut wrong = Instrument::PAPER;
-            wrong.axes[1].swap(0, 1);
-            let found = evaluator().judged_on(wrong).evaluate(&schedule());
-            assert!(found.unwrap_err().is_disagreement(), "{sigma:e}");
-        }
-    }
-}
+mod tests;

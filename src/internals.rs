@@ -26,6 +26,7 @@ open!(
     drift,
     dynamics,
     evaluate,
+    model,
     motion,
     observability,
     platform,

@@ -31,6 +31,7 @@ pub(crate) mod combinations;
 pub(crate) mod log_separability;
 pub mod nearly;
 mod order;
+pub mod parameters;
 pub(crate) mod regressor;
 pub(crate) mod row_space;
 pub mod separability;

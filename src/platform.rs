@@ -10,13 +10,16 @@ use serde::{Deserialize, Serialize};
 use crate::attitude::{Position, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
+use crate::model::ErrorModel;
 use crate::schedule::Schedule;
 use crate::units::{Angle, AngularRate};
 
 mod axis_value;
+mod errors;
 mod gimbals;
 mod interruption;
 pub use axis_value::{AxisValue, GSensitivePrior};
+pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};
 
@@ -52,6 +55,9 @@ pub struct GyroConfig {
     /// Angular random walk N, °/√h: PSD q = N².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_random_walk_deg_per_sqrt_h: Option<f64>,
+    /// Output axes of the gyros X, Y, Z; input axes are +x, +y, +z, spin axes input × output.
+    #[serde(skip_serializing_if = "OutputAxes::is_empty")]
+    pub output_axis: OutputAxes,
 }
 
 /// The Kalman filter.
@@ -161,6 +167,12 @@ pub struct PlatformConfig {
     pub gimbals: GimbalsConfig,
     /// How the platform moves.
     pub motion: MotionConfig,
+    /// An azimuth reference.
+    #[serde(skip_serializing_if = "AzimuthConfig::is_empty")]
+    pub azimuth: AzimuthConfig,
+    /// Errors beyond the twelve coefficients.
+    #[serde(skip_serializing_if = "ErrorsConfig::is_empty")]
+    pub errors: ErrorsConfig,
 }
 
 /// 1σ random drift when the file gives neither form, °/h: the seed paper's §3.1.
@@ -232,6 +244,8 @@ pub struct Platform {
     pub(crate) period_s: f64,
     pub(crate) prior_misalignment_rad: Vector3<f64>,
     pub(crate) prior_drift_rad_per_s: CoefficientVector,
+    pub(crate) errors: ErrorModel,
+    pub(crate) azimuth_noise_rad: Option<f64>,
     pub(crate) gimbals: Gimbals,
     pub(crate) motion: Motion,
     /// What of the test is over already.
@@ -262,6 +276,19 @@ impl Platform {
     /// Prior 1σ of each drift coefficient, rad/s (per g).
     pub fn prior_drift_rad_per_s(&self) -> &CoefficientVector {
         &self.prior_drift_rad_per_s
+    }
+    /// The error model: the twelve coefficients and what else the platform has.
+    pub fn errors(&self) -> &ErrorModel {
+        &self.errors
+    }
+    /// Noise of the azimuth measured in each filter period, 1σ, rad; none: it is not measured.
+    pub fn azimuth_noise_rad(&self) -> Option<f64> {
+        self.azimuth_noise_rad
+    }
+    /// Whether it is the seed paper's platform: nothing but ψ and the twelve coefficients, in its
+    /// mounting, and two channels of measurement.
+    pub fn is_of_the_paper(&self) -> bool {
+        self.errors.is_of_the_paper() && self.azimuth_noise_rad.is_none()
     }
     /// The shortest dwell that a search proposes, s: the minimum dwell in whole filter periods,
     /// one at least.
@@ -310,6 +337,12 @@ impl PlatformConfig {
             "0.001 to 100000",
         )?;
         let gimbals = self.gimbals.check()?;
+        let prior_drift_rad_per_s = self.prior.drift_rad_per_s()?;
+        let errors = ErrorModel::new(
+            &prior_drift_rad_per_s.map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
+            self.errors.check()?,
+            self.gyro.output_axis.check()?,
+        );
         Ok(Platform {
             earth_rate_n: earth_rate_n(Angle::from_deg(latitude_deg).rad()),
             noise_g: in_range(
@@ -322,7 +355,9 @@ impl PlatformConfig {
             drift_psd: self.gyro.drift_psd(period_s)?,
             period_s,
             prior_misalignment_rad: self.prior.misalignment_rad()?,
-            prior_drift_rad_per_s: self.prior.drift_rad_per_s()?,
+            prior_drift_rad_per_s,
+            errors,
+            azimuth_noise_rad: self.azimuth.check()?,
             motion: self.motion.check(&gimbals)?,
             gimbals,
             done: None,

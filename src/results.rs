@@ -15,6 +15,7 @@ mod counters;
 mod evaluation;
 mod json;
 mod layout;
+mod parameters;
 mod result;
 #[cfg(feature = "schema")]
 pub mod schema;
@@ -39,6 +40,7 @@ pub use evaluation::{
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,
     PrecisionRecord, ScoreRecord, ScoreWeights,
 };
+pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{
     BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
     UnobservableRecord,

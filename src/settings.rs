@@ -5,6 +5,7 @@ pub use crate::config::{
     CriterionKind, DEFAULT_TOML, Mode, ObjectiveConfig, PerCoefficient, ScoreConfig, SearchConfig,
 };
 pub use crate::platform::{
-    AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior, GimbalsConfig, GyroConfig,
-    MotionConfig, PlatformConfig, PriorConfig, Repositioning, SiteConfig,
+    AccelerometerConfig, AxisValue, AzimuthConfig, ErrorTable, ErrorsConfig, FilterConfig,
+    GSensitivePrior, GimbalsConfig, GyroConfig, MotionConfig, OutputAxes, OutputAxis,
+    PlatformConfig, PriorConfig, Repositioning, SiteConfig,
 };

@@ -39,6 +39,7 @@ use crate::config::{CheckedConfig, StudyConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
+use crate::platform::ErrorsConfig;
 use crate::results::{AnalysisDocument, BoundDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 
@@ -175,6 +176,7 @@ impl Study {
     ///
     /// As [`Study::evaluate`].
     pub fn analyze(&self, schedule: &Schedule) -> Result<AnalysisResult> {
+        self.only_of_the_paper("analyze")?;
         let evaluation = self.evaluator.evaluate(schedule)?;
         let analysis = Analysis::new(&self.evaluator, schedule, &evaluation)?;
         let document = AnalysisDocument::new(&analysis, &evaluation, schedule, &self.inputs());
@@ -189,6 +191,7 @@ impl Study {
     /// [`Error::is_input`] when the limits contradict each other, [`Error::is_numerical`] when no
     /// bound can be computed.
     pub fn bound(&self) -> Result<BoundResult> {
+        self.only_of_the_paper("bound")?;
         self.check_limits()?;
         let objective = self.evaluator.objective();
         let total_time_s = self.config().objective.total_time_s;
@@ -226,6 +229,30 @@ impl Study {
     #[cfg(feature = "cli")]
     pub(crate) fn platform(&self) -> &crate::platform::Platform {
         self.checked.platform()
+    }
+
+    /// Refuses a platform that `what` does not know yet: whatever is more than ψ and the twelve
+    /// coefficients in the paper's mounting, seen in two channels.
+    fn only_of_the_paper(&self, what: &str) -> Result<()> {
+        let platform = self.checked.platform();
+        if platform.is_of_the_paper() {
+            return Ok(());
+        }
+        let config = &self.config().platform;
+        let (key, value) = match (&config.errors, config.azimuth.noise_arcsec) {
+            (errors, _) if *errors != ErrorsConfig::default() => ("errors", None),
+            (_, Some(noise)) => ("azimuth.noise_arcsec", Some(noise)),
+            _ => ("gyro.output_axis", None),
+        };
+        let error = Error::input(format!("`{what}` does not take this into account yet"))
+            .with_key(key)
+            .with_allowed("left out; `evaluate` knows it")
+            .with_hint("nothing is worked out rather than something for another platform");
+        let error = match value {
+            Some(value) => error.with_value(value),
+            None => error,
+        };
+        Err(self.source.located(error))
     }
 
     /// Refuses limits of a search that contradict each other; a schedule that is given can be

@@ -20,7 +20,7 @@ use std::fmt;
 
 use crate::attitude::{EAST, NORTH, NanoDegrees, Position, UP};
 use crate::covariance::CovarianceModel;
-use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix, drift_matrix};
+use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
@@ -199,7 +199,8 @@ fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKN
     for &alpha in &alphas {
         for &beta in &betas {
             for &gamma in &gammas {
-                let a = drift_matrix(&Position::from_rad(alpha, beta, gamma).attitude());
+                let at = Position::from_rad(alpha, beta, gamma).attitude();
+                let a = model.drift_matrix(&at);
                 add(&a, NORTH, 0.0);
                 add(&a, EAST, if azimuth { -1.0 } else { 0.0 });
                 if azimuth {
@@ -249,6 +250,7 @@ fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drift::drift_matrix;
     use crate::evaluate::Objective;
     use crate::platform::PlatformConfig;
     use crate::schedule::ScheduledPosition;

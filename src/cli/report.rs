@@ -3,7 +3,9 @@
 use crate::motion::Timeline;
 use crate::platform::Platform;
 use crate::report::words;
-use crate::results::{EvaluationDocument, PrecisionRecord, ResultDocument};
+use crate::results::{
+    BudgetRecord, EvaluationDocument, PrecisionRecord, ResultDocument, RoleRecord,
+};
 use crate::search::Status;
 use crate::wording::{number, seconds};
 
@@ -94,6 +96,20 @@ pub(super) fn evaluation(
     text.push_str(&beyond_limits(document, platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
+    if document.parameters.len() > document.coefficients.len() {
+        text.push_str("\nOther parameters after the test, 1 sigma\n");
+        text.push_str(&table::parameters(document));
+    }
+    if !document.budget.is_empty() {
+        text.push('\n');
+        text.push_str(&wrap(
+            "What ignoring a group would add to the errors of the coefficients: RMS of the twelve, \
+             the same beside their RMS sigma, and the worst beside its own",
+        ));
+        text.push('\n');
+        text.push_str(&table::budget(document));
+        text.push_str(&ignored_already(document));
+    }
     text.push('\n');
     text.push_str(&table::misalignment(document));
     text.push('\n');
@@ -141,6 +157,20 @@ fn beyond_limits(
                 beyond.join("; ")
             ))
         ),
+    }
+}
+
+/// The groups that the filter does not know of.
+fn ignored_already(document: &EvaluationDocument) -> String {
+    let is_ignored = |b: &&BudgetRecord| b.role == RoleRecord::Considered;
+    let ignored = document.budget.iter().filter(is_ignored);
+    let names: Vec<&str> = ignored.map(|b| b.group.as_str()).collect();
+    match names.is_empty() {
+        true => String::new(),
+        false => wrap(&format!(
+            "Ignored already, and part of every sigma: {}.",
+            names.join(", ")
+        )),
     }
 }
 

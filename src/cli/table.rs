@@ -9,10 +9,12 @@ use crate::attitude::Position;
 use crate::motion::{Leg, Timeline, gimbal_change};
 use crate::platform::{Platform, Repositioning};
 use crate::results::schema::DocumentKind;
-use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord};
+use crate::results::{
+    BaselineRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord, RoleRecord,
+};
 use crate::schedule::standard::StandardScheme;
 use crate::units::Angle;
-use crate::wording::{number, optional, seconds};
+use crate::wording::{number, optional, seconds, separability};
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -128,6 +130,67 @@ pub(super) fn coefficients(document: &EvaluationDocument) -> String {
         coefficients_alone(document)
     };
     format!("{table}D_I, D_O and D_S: deg/h per g.\n")
+}
+
+/// The parameters beside the coefficients, a table for each group.
+pub(super) fn parameters(document: &EvaluationDocument) -> String {
+    let others = &document.parameters[document.coefficients.len()..];
+    let claims = others.iter().any(|p| p.claimed_sigma.is_some());
+    let mut text = String::new();
+    for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {
+        let ignored = match group[0].role {
+            RoleRecord::Estimated => "",
+            RoleRecord::Considered => ", not known to the filter",
+        };
+        text.push_str(&format!("\n{}{ignored}\n\n", group[0].group));
+        text.push_str(&parameters_of_group(group, claims));
+    }
+    text
+}
+
+fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
+    let is_estimated = group[0].role == RoleRecord::Estimated;
+    let rows = group.iter().map(|p| {
+        let mut row = vec![p.name.clone(), p.unit.clone(), number(p.prior_sigma)];
+        if is_estimated {
+            row.push(number(p.sigma));
+            if claims {
+                row.push(optional(p.claimed_sigma, number));
+            }
+            row.push(optional(p.observability_order, |o| o.to_string()));
+            row.push(optional(p.separability, separability));
+        }
+        row
+    });
+    let mut columns = vec![("parameter", Left), ("unit", Left), ("prior", Right)];
+    if is_estimated {
+        columns.push(("sigma", Right));
+        if claims {
+            columns.push(("claimed", Right));
+        }
+        columns.extend([("order", Right), ("separability", Right)]);
+    }
+    render_rows(&columns, rows.collect())
+}
+
+/// What ignoring each group would do.
+pub(super) fn budget(document: &EvaluationDocument) -> String {
+    let rows = document.budget.iter().map(|b| {
+        let worst = b.worst.as_ref();
+        [
+            b.group.clone(),
+            number(b.rms_error_if_ignored_deg_per_h),
+            optional(b.ratio, |r| format!("{r:.2}")),
+            optional(worst, |w| format!("{} {:.2}", w.name.name(), w.ratio)),
+        ]
+    });
+    let columns = [
+        ("group", Left),
+        ("deg/h", Right),
+        ("x sigma", Right),
+        ("worst", Right),
+    ];
+    render(columns, rows.collect())
 }
 
 fn coefficients_alone(document: &EvaluationDocument) -> String {

@@ -1,7 +1,10 @@
 //! The keys of a platform file: the one place that lists them.
 
+use std::sync::LazyLock;
+
 use super::{CriterionKind, Mode};
 use crate::drift::DriftCoefficient;
+use crate::model;
 
 /// What leaving a key out means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,11 +18,35 @@ pub(super) enum Absent {
 use Absent::{Assumed, Nothing};
 
 /// Every key in dotted form, in the order of the file.
-pub(super) const KNOWN: &[(&str, Absent)] = &[
+pub(super) static KNOWN: LazyLock<Vec<(String, Absent)>> = LazyLock::new(|| {
+    let own = |(key, absent): &(&str, Absent)| ((*key).to_owned(), *absent);
+    let errors = ["errors", "errors.considered"]
+        .into_iter()
+        .flat_map(error_keys);
+    let errors = errors.map(|key| (key, Nothing));
+    let platform = OF_THE_PLATFORM.iter().map(own);
+    platform
+        .chain(errors)
+        .chain(OF_THE_TASK.iter().map(own))
+        .collect()
+});
+
+/// Keys of a table of errors.
+fn error_keys(table: &str) -> impl Iterator<Item = String> {
+    let groups = model::optional_groups().map(move |g| format!("{table}.{}", g.key));
+    let names = model::optional_groups().flat_map(|g| g.names);
+    groups.chain(names.map(move |name| format!("{table}.parameter.{name}")))
+}
+
+/// Keys of the platform but for its errors.
+const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("site.latitude_deg", Assumed),
     ("accelerometer.noise_g", Assumed),
     (RANDOM_DRIFT, Assumed),
     (RANDOM_WALK, Nothing),
+    ("gyro.output_axis.X", Nothing),
+    ("gyro.output_axis.Y", Nothing),
+    ("gyro.output_axis.Z", Nothing),
     ("filter.period_s", Assumed),
     ("prior.misalignment_deg", Assumed),
     ("prior.constant_drift_deg_per_h", Assumed),
@@ -38,6 +65,11 @@ pub(super) const KNOWN: &[(&str, Absent)] = &[
     ("motion.min_dwell_s", Assumed),
     ("motion.start_deg", Nothing),
     ("motion.return_to_start", Assumed),
+    ("azimuth.noise_arcsec", Nothing),
+];
+
+/// Keys of the task.
+const OF_THE_TASK: &[(&str, Absent)] = &[
     ("objective.mode", Assumed),
     ("objective.criterion", Assumed),
     ("objective.total_time_s", Assumed),
@@ -88,7 +120,7 @@ pub(super) const RANDOM_WALK: &str = "gyro.angle_random_walk_deg_per_sqrt_h";
 
 /// True when a value can be given for this key.
 pub(super) fn is_value(path: &str) -> bool {
-    KNOWN.iter().any(|(key, _)| *key == path)
+    KNOWN.iter().any(|(key, _)| key == path)
 }
 
 /// True when keys can be given inside this one.
@@ -106,7 +138,7 @@ pub(super) fn names_in(path: &str) -> Vec<&'static str> {
 
 /// A known key whose last part is `name`, wherever it is.
 pub(super) fn elsewhere(name: &str) -> Option<&'static str> {
-    let mut keys = KNOWN.iter().map(|(key, _)| *key);
+    let mut keys = KNOWN.iter().map(|(key, _)| key.as_str());
     keys.find(|key| key.rsplit('.').next() == Some(name))
 }
 
@@ -140,11 +172,23 @@ pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
         Some((2, "two numbers [low, high]"))
     } else if path == "motion.start_deg" {
         Some((3, "three angles [alpha, beta, gamma]"))
-    } else if path.starts_with("prior.") {
+    } else if path.starts_with("gyro.output_axis.") {
+        Some((3, "an axis such as \"-z\", or a unit vector [x, y, z]"))
+    } else if path.starts_with("prior.") || is_by_instrument(path) {
         Some((3, "a number, or three: [x, y, z]"))
     } else {
         None
     }
+}
+
+/// True for errors that can be given instrument by instrument.
+fn is_by_instrument(path: &str) -> bool {
+    let Some(rest) = path.strip_prefix("errors.") else {
+        return false;
+    };
+    let key = rest.strip_prefix("considered.").unwrap_or(rest);
+    let mut groups = model::optional_groups();
+    groups.any(|g| g.key == key && g.names.len() > 1)
 }
 
 #[cfg(test)]
@@ -167,6 +211,8 @@ mod tests {
                 "prior",
                 "gimbals",
                 "motion",
+                "azimuth",
+                "errors",
                 "objective",
                 "search"
             ]

@@ -178,10 +178,10 @@ fn defaulted(given: impl Fn(&str) -> bool) -> Vec<String> {
     keys::KNOWN
         .iter()
         .filter(|(key, absent)| {
-            let is_replaced = *key == keys::RANDOM_DRIFT && given(keys::RANDOM_WALK);
+            let is_replaced = key == keys::RANDOM_DRIFT && given(keys::RANDOM_WALK);
             *absent == Absent::Assumed && !given(key) && !is_replaced
         })
-        .map(|(key, _)| (*key).to_owned())
+        .map(|(key, _)| key.clone())
         .collect()
 }
 
@@ -219,6 +219,11 @@ impl<'a> Document<'a> {
         self.table("prior", &mut config.platform.prior)?;
         self.table("gimbals", &mut config.platform.gimbals)?;
         self.table("motion", &mut config.platform.motion)?;
+        self.table("azimuth", &mut config.platform.azimuth)?;
+        // What is flattened would lose the places too.
+        let errors = &mut config.platform.errors;
+        self.table_in("errors", "considered", &mut errors.considered)?;
+        self.table("errors", &mut errors.estimated)?;
         self.table("objective", &mut config.objective)?;
         self.table("search", &mut config.search)?;
         config.resolve();
@@ -227,7 +232,30 @@ impl<'a> Document<'a> {
 
     /// Reads one table, if it is there.
     fn table<T: DeserializeOwned>(&mut self, name: &str, into: &mut T) -> Result<()> {
-        if let Some(value) = self.root.remove(name) {
+        let value = self.root.remove(name);
+        self.value(value, into)
+    }
+
+    /// Takes a table out of another one and reads it, if it is there.
+    fn table_in<T: DeserializeOwned>(
+        &mut self,
+        outer: &str,
+        name: &str,
+        into: &mut T,
+    ) -> Result<()> {
+        let value = match self.root.get_mut(outer).map(Spanned::get_mut) {
+            Some(DeValue::Table(table)) => table.remove(name),
+            _ => None,
+        };
+        self.value(value, into)
+    }
+
+    fn value<T: DeserializeOwned>(
+        &self,
+        value: Option<Spanned<DeValue<'a>>>,
+        into: &mut T,
+    ) -> Result<()> {
+        if let Some(value) = value {
             *into = T::deserialize(ValueDeserializer::from(value))
                 .map_err(|e| self.type_error(&e).with_source(e))?;
         }

@@ -45,8 +45,7 @@ fn the_embedded_file_shows_every_key_and_its_commented_keys_are_right() {
         .collect();
     let source = parse(&uncommented.join("\n")).unwrap();
     source.check().unwrap();
-    let shown: Vec<_> = keys::KNOWN.iter().map(|(key, _)| *key).collect();
-    for key in shown {
+    for (key, _) in keys::KNOWN.iter() {
         let name = key.rsplit('.').next().unwrap();
         assert!(DEFAULT_TOML.contains(name), "{key}");
     }
@@ -136,6 +135,97 @@ fn bad_files_are_refused_with_line_key_and_advice() {
             "`latitude_deg`?",
         ),
         ("\n[sites]\nx = 1", 2, "sites", "`site`?"),
+        (
+            "[errors]\naccelerometer_bias = 1",
+            2,
+            "errors.accelerometer_bias",
+            "`accelerometer_bias_ug`?",
+        ),
+        (
+            "[errors]\naccelerometer_bias_ug = \"1\"",
+            2,
+            "errors.accelerometer_bias_ug",
+            "a number, or three",
+        ),
+        (
+            "[errors]\naccelerometer_bias_ug = [1, 2]",
+            2,
+            "errors.accelerometer_bias_ug",
+            "wrong number of values",
+        ),
+        (
+            "[errors]\nlocal_gravity_ug = [1, 2, 3]",
+            2,
+            "errors.local_gravity_ug",
+            "a number",
+        ),
+        (
+            "[errors.considered]\n\naccelerometer_bias_ug = true",
+            3,
+            "errors.considered.accelerometer_bias_ug",
+            "a number, or three",
+        ),
+        ("errors = 3", 1, "errors", "a table [errors]"),
+        (
+            "[errors]\nconsidered = 3",
+            2,
+            "errors.considered",
+            "a table [errors.considered]",
+        ),
+        (
+            "[errors.parameter]\nT_XW = 3",
+            2,
+            "errors.parameter.T_XW",
+            "`T_X",
+        ),
+        (
+            "[errors.parameter]\nT_XY = [1, 2, 3]",
+            2,
+            "errors.parameter.T_XY",
+            "a number",
+        ),
+        (
+            "[errors.considered.parameter]\nK0X = 3",
+            2,
+            "errors.considered.parameter.K0X",
+            "`K_0X`?",
+        ),
+        (
+            "[gyro]\noutput_axis = { W = \"-z\" }",
+            2,
+            "gyro.output_axis.W",
+            "allowed: X, Y, Z",
+        ),
+        (
+            "[gyro]\noutput_axis = \"-z\"",
+            2,
+            "gyro.output_axis",
+            "a table [gyro.output_axis]",
+        ),
+        (
+            "[gyro.output_axis]\nX = [0, 1]",
+            2,
+            "gyro.output_axis.X",
+            "unit vector",
+        ),
+        (
+            "[gyro.output_axis]\nX = 3",
+            2,
+            "gyro.output_axis.X",
+            "unit vector",
+        ),
+        (
+            "[azimuth]\nnoise_arcsec = \"5\"",
+            2,
+            "azimuth.noise_arcsec",
+            "without quotes",
+        ),
+        (
+            "[azimuth]\nnoise = 5",
+            2,
+            "azimuth.noise",
+            "`noise_arcsec`?",
+        ),
         (
             "latitude_deg = 1",
             1,
@@ -338,6 +428,35 @@ fn bad_files_are_refused_with_line_key_and_advice() {
         }
     }
     assert!(failed.is_empty(), "{failed}");
+}
+
+#[test]
+fn errors_are_read_with_their_lines() {
+    let text = "[errors]\naccelerometer_bias_ug = 100\nlocal_gravity_ug = 3\n\
+                [errors.parameter]\nT_XY = 5\n\
+                [errors.considered]\nquadratic_drift_deg_per_h_per_g2 = [0.1, 0.2, 0.3]\n\
+                [errors.considered.parameter]\nK_1X = -2\n\
+                [gyro]\noutput_axis = { X = \"+y\", Z = [0, 1, 0] }\n\
+                [azimuth]\nnoise_arcsec = 5\n";
+    let mut source = parse(text).unwrap();
+    let error = source.check().unwrap_err();
+    assert_eq!(error.line(), Some(9));
+    assert_eq!(error.key(), Some("errors.considered.parameter.K_1X"));
+    let considered = &mut source.config.platform.errors.considered;
+    considered.parameter.insert("K_1X".to_owned(), 2.0);
+    let platform = source.check().unwrap().platform().clone();
+    assert_eq!(
+        platform.errors().parameters().len(),
+        12 + 3 + 1 + 1 + 15 + 1
+    );
+    assert_eq!(platform.errors().estimated(), 12 + 3 + 1 + 1);
+    assert!(platform.azimuth_noise_rad().is_some());
+    // As documents carry it.
+    let json = serde_json::to_value(&source.config).unwrap();
+    assert_eq!(json["errors"]["considered"]["parameter"]["K_1X"], 2.0);
+    assert_eq!(json["errors"]["accelerometer_bias_ug"], 100.0);
+    let back: StudyConfig = serde_json::from_value(json).unwrap();
+    assert_eq!(back, source.config);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! A schedule as a chain of elements: Friedland's separated bias, two stages.
 //!
-//! Carried are V (3×12, sensitivity of ψ^n to D), P (3×3, covariance of ψ^n for known D) and the
-//! information E (12×12) on D. With a dwell's [`Kernel`](super::kernel::Kernel), in its factored
-//! form, and A = A(position):
+//! Carried are V (3×m, sensitivity of ψ^n to the m parameters D), a root G of P = G Gᵀ (3×3,
+//! covariance of ψ^n for known D) and, as rows, the information E (m×m) on D. With a dwell's
+//! [`Kernel`](super::kernel::Kernel), in its factored form, and A = A(position):
 //!
 //! ```text
 //! T = R11 V + R12 A,          S = I + R11 P R11ᵀ,
@@ -18,35 +18,33 @@
 //! Between dwells V ← Φ V + B, P ← Φ P Φᵀ + q t I with B the drift integral; in frame-hold
 //! repositioning V ← Q V, P ← Q P Qᵀ with Q = C_{k+1} C_kᵀ. A measured move runs the filter's
 //! ticks one by one.
+//!
+//! # In 16 and in 32 digits
+//!
+//! Rows that tell the same combination again must be dependent. In doubles they are so to the
+//! sixteenth digit only, and what is left over after elimination, 1e-16 of a row, counts as
+//! information on combinations that no measurement told anything of. Against a prior of unit size
+//! that matters as soon as a row is longer than some 1e13. The same holds for C_c^n, orthogonal
+//! to the sixteenth digit. So attitudes, kernels and chain can be worked out in numbers of 32
+//! digits as well; drift integrals of moves are those of doubles.
+//!
+//! What the parameters are is known to [`Effects`] alone: [`twelve`](super::twelve) are the coefficients
+//! of the drift, in doubles, as searches take them; [`selection`](super::selection) is all that a
+//! platform has.
 
-use nalgebra::Matrix3;
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, Matrix3, OMatrix, U3};
 
-use super::rows::Rows;
-use super::small::{condition, square_root, whitener};
-use super::{CovarianceModel, CovarianceRoot, EndCovariance, Precision, TickRule, split_periods};
-use crate::attitude::{Attitude, EAST, NORTH};
-use crate::drift::{DriftMatrix, times_drift_matrix};
-use crate::error::Result;
+use super::kernel::Kernel;
+use super::real::Real;
+use super::triangle::{add_roots, inverse, one_and};
+use super::{CovarianceModel, TickRule, split_periods};
+use crate::drift::DriftMatrix;
 use crate::motion::{Leg, Move, Timeline};
 
-/// The covariance at the end of a schedule, and what it took.
-pub(crate) struct WithPrecision {
-    pub end: EndCovariance,
-    /// The numbers it was worked out in.
-    pub precision: Precision,
-    /// How many times better than its prior, σ against σ, some combination of coefficients is
-    /// told.
-    pub told: f64,
-}
-
-/// The state of the chain: V, P.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct State {
-    /// Sensitivity of ψ^n to D, arcsec per °/h.
-    pub v: DriftMatrix,
-    /// Covariance of ψ^n for known D, arcsec².
-    pub p: Matrix3<f64>,
-}
+#[cfg(test)]
+pub(crate) use super::twelve::Gram;
+pub(crate) use super::twelve::{State, measurement_root};
 
 /// Why time passes without a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,21 +80,9 @@ pub(crate) enum Measured {
 }
 
 /// Takes the information rows as the chain produces them: E += XᵀX.
-pub(crate) trait InformationSink {
+pub(crate) trait InformationSink<V = DriftMatrix> {
     /// Adds three rows of unit noise.
-    fn add(&mut self, rows: &DriftMatrix);
-}
-
-/// E itself, by Gram products.
-#[cfg(test)]
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Gram(pub crate::drift::CoefficientMatrix);
-
-#[cfg(test)]
-impl InformationSink for Gram {
-    fn add(&mut self, rows: &DriftMatrix) {
-        self.0.gemm_tr(1.0, rows, rows, 1.0);
-    }
+    fn add(&mut self, rows: &V);
 }
 
 /// Watches the chain.
@@ -112,275 +98,283 @@ impl Recorder for NoRecord {
     fn record(&mut self, _: usize, _: Step) {}
 }
 
-/// The chain at work: model, rule, and what it writes to.
-struct Runner<'a, S, R> {
-    model: &'a CovarianceModel,
+/// Three rows on the parameters.
+pub(crate) trait Drive<T>: Clone {
+    /// `m` times these.
+    fn turned(&self, m: &Matrix3<T>) -> Self;
+    /// Adds others.
+    fn add(&mut self, more: &Self);
+    /// Takes others off.
+    fn take(&mut self, less: &Self);
+}
+
+impl<T: Real, C: Dim> Drive<T> for OMatrix<T, U3, C>
+where
+    DefaultAllocator: Allocator<U3, C>,
+{
+    fn turned(&self, m: &Matrix3<T>) -> Self {
+        m * self
+    }
+    fn add(&mut self, more: &Self) {
+        *self += more;
+    }
+    fn take(&mut self, less: &Self) {
+        *self -= less;
+    }
+}
+
+/// What the parameters do to ψ^n: the part of the chain that knows them.
+pub(crate) trait Effects {
+    /// The numbers it is worked out in.
+    type Number: Real;
+    /// Three rows on the parameters.
+    type Drive: Drive<Self::Number>;
+    /// An attitude, with what follows from it.
+    type Place;
+
+    /// Noises, prior and dynamics.
+    fn model(&self) -> &CovarianceModel;
+    /// No effect.
+    fn nothing(&self) -> Self::Drive;
+    /// The place where a leg dwells.
+    fn place(&self, leg: &Leg) -> Self::Place;
+    /// C_c^n there.
+    fn attitude(&self, place: &Self::Place) -> Matrix3<Self::Number>;
+    /// X A there.
+    fn held(&self, x: &Matrix3<Self::Number>, place: &Self::Place) -> Self::Drive;
+    /// B of an interval of a move.
+    fn moved(&self, m: &Move, start_s: f64, length_s: f64) -> Self::Drive;
+    /// The kernel of so many filter periods.
+    fn kernel(&self, periods: usize) -> Kernel<Self::Number>;
+    /// What a measurement of one filter period sees of ψ^n, with unit noise.
+    fn measurement(&self) -> Matrix3<Self::Number>;
+
+    /// What a move that takes no time adds to ψ^n.
+    fn jump(&self, _: &Move) -> Option<Self::Drive> {
+        None
+    }
+    /// U: what the accelerometers show as ψ^n at a place.
+    fn shift<'a>(&self, _: &'a Self::Place) -> Option<&'a Self::Drive> {
+        None
+    }
+    /// What the vertical channel tells of the parameters in a period, with unit noise.
+    fn upward<'a>(&self, _: &'a Self::Place) -> Option<&'a Self::Drive> {
+        None
+    }
+    /// The place so long after the start of a move, if measurements there depend on it.
+    fn passed(&self, _: &Move, _time_s: f64) -> Option<Self::Place> {
+        None
+    }
+}
+
+/// The chain at work: what the parameters do, the rule, and what it writes to.
+pub(super) struct Runner<'a, E: Effects, S, R> {
+    pub effects: &'a E,
+    pub rule: TickRule,
+    /// V.
+    pub v: E::Drive,
+    /// G.
+    pub g: Matrix3<E::Number>,
+    pub sink: &'a mut S,
+    pub recorder: &'a mut R,
+    pub leg: usize,
+}
+
+/// V and G at the end of a test.
+pub(super) struct Reached<E: Effects> {
+    pub v: E::Drive,
+    pub g: Matrix3<E::Number>,
+}
+
+/// Runs `timeline` from its start: what is told of the parameters goes to `sink`.
+pub(super) fn run<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
+    effects: &E,
+    timeline: &Timeline,
     rule: TickRule,
-    state: State,
-    sink: &'a mut S,
-    recorder: &'a mut R,
-    leg: usize,
+    sink: &mut S,
+    recorder: &mut R,
+) -> Reached<E> {
+    let prior = effects.model().prior_psi.diagonal();
+    let mut runner = Runner {
+        effects,
+        rule,
+        v: effects.nothing(),
+        g: Matrix3::from_diagonal(&prior.map(|variance| E::Number::from(variance).sqrt())),
+        sink,
+        recorder,
+        leg: 0,
+    };
+    let mut before = None;
+    for (index, leg) in timeline.legs().iter().enumerate() {
+        runner.leg = index;
+        let here = effects.place(leg);
+        match &before {
+            Some(before) => runner.arrive(leg, &here, before),
+            None => runner.enter(&here),
+        }
+        runner.dwell(leg, &here);
+        before = Some(here);
+    }
+    if let Some(last) = &before {
+        runner.leave(last);
+    }
+    Reached {
+        v: runner.v,
+        g: runner.g,
+    }
 }
 
-impl CovarianceModel {
-    /// Information on D (without the prior) and the final state of `timeline`.
-    pub(crate) fn run<S: InformationSink, R: Recorder>(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-        sink: &mut S,
-        recorder: &mut R,
-    ) -> State {
-        let mut runner = self.runner(self.start_state(), rule, sink, recorder);
-        let legs = timeline.legs();
-        for (index, leg) in legs.iter().enumerate() {
-            runner.leg = index;
-            if let Some(arrival) = &leg.arrival {
-                runner.arrive(arrival, leg, &legs[index - 1].attitude);
-            }
-            runner.dwell(leg);
-        }
-        runner.state
-    }
-
-    /// Before the test: nothing is known of D, and ψ^n by its prior.
-    pub(crate) fn start_state(&self) -> State {
-        State {
-            v: DriftMatrix::zeros(),
-            p: self.prior_psi,
-        }
-    }
-
-    /// The move to `leg` from the attitude `before` it, and its settle.
-    pub(crate) fn arrive<S: InformationSink>(
-        &self,
-        state: State,
-        (before, leg): (&Attitude, &Leg),
-        rule: TickRule,
-        sink: &mut S,
-    ) -> State {
+impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> {
+    pub fn arrive(&mut self, leg: &Leg, here: &E::Place, before: &E::Place) {
         let Some(arrival) = &leg.arrival else {
-            return state;
+            return;
         };
-        let mut none = NoRecord;
-        let mut runner = self.runner(state, rule, sink, &mut none);
-        runner.arrive(arrival, leg, before);
-        runner.state
-    }
-
-    /// The dwell of `leg`.
-    pub(crate) fn dwell<S: InformationSink>(
-        &self,
-        state: State,
-        leg: &Leg,
-        rule: TickRule,
-        sink: &mut S,
-    ) -> State {
-        let mut none = NoRecord;
-        let mut runner = self.runner(state, rule, sink, &mut none);
-        runner.dwell(leg);
-        runner.state
-    }
-
-    fn runner<'a, S: InformationSink, R: Recorder>(
-        &'a self,
-        state: State,
-        rule: TickRule,
-        sink: &'a mut S,
-        recorder: &'a mut R,
-    ) -> Runner<'a, S, R> {
-        Runner {
-            model: self,
-            rule,
-            state,
-            sink,
-            recorder,
-            leg: 0,
-        }
-    }
-
-    /// The covariance at the end of `timeline`, its information triangularised by QR.
-    ///
-    /// Where a combination of coefficients is told 1e9 times better than its prior, the sixteenth
-    /// digit of its rows may count beside the prior of another; and where a misalignment is told
-    /// 1e8 times better than its prior, I + R11 P R11ᵀ loses its I. Under the filter's rule it is
-    /// then worked out in numbers of 32 digits.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
-    pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
-        Ok(self.end_with_precision(timeline, rule)?.end)
-    }
-
-    /// The same, with the numbers that it took.
-    ///
-    /// # Errors
-    ///
-    /// As [`CovarianceModel::end_covariance`].
-    pub(crate) fn end_with_precision(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-    ) -> Result<WithPrecision> {
-        /// Information of 1e-7 of a unit prior: its share of a σ is below 1e-13.
-        const MOST_IN_DOUBLES: f64 = 1e9;
-        let (mut rows, state) = self.rows(timeline, rule);
-        let told = rows.largest();
-        let root = rows.covariance_root();
-        let lost = root.is_err() || told > MOST_IN_DOUBLES;
-        let (end, precision) = match rule == TickRule::Filter && lost {
-            true => (self.end_covariance_extended(timeline)?, Precision::Extended),
-            false => (EndCovariance::new(root?, &state), Precision::Double),
-        };
-        Ok(WithPrecision {
-            end,
-            precision,
-            told,
-        })
-    }
-
-    fn rows(&self, timeline: &Timeline, rule: TickRule) -> (Rows, State) {
-        let mut rows = Rows::new(&self.prior_sigma);
-        let state = self.run(timeline, rule, &mut rows, &mut NoRecord);
-        (rows, state)
-    }
-
-    /// The same in doubles, whatever the priors: for searches.
-    ///
-    /// # Errors
-    ///
-    /// As [`CovarianceModel::end_covariance`].
-    pub(crate) fn end_covariance_in_doubles(
-        &self,
-        timeline: &Timeline,
-        rule: TickRule,
-    ) -> Result<EndCovariance> {
-        let (rows, state) = self.rows(timeline, rule);
-        Ok(EndCovariance::new(rows.covariance_root()?, &state))
-    }
-}
-
-impl EndCovariance {
-    /// P_D = L Lᵀ; ψ^n's covariance is P + (V L)(V L)ᵀ. By V P_D Vᵀ it would be a difference of
-    /// large numbers under weak priors, and could come out negative.
-    fn new(root: CovarianceRoot, state: &State) -> Self {
-        let through_drift = state.v * root.matrix();
-        Self {
-            coefficients: root.matrix() * root.matrix().transpose(),
-            root,
-            misalignment: state.p + through_drift * through_drift.transpose(),
-        }
-    }
-}
-
-impl<S: InformationSink, R: Recorder> Runner<'_, S, R> {
-    fn arrive(&mut self, arrival: &Move, leg: &Leg, previous: &Attitude) {
-        if self.model.frame_hold {
+        self.leave(before);
+        if self.model().frame_hold {
             self.recorder.record(self.leg, Step::Rotate);
-            let q = leg.attitude.matrix() * previous.matrix().transpose();
-            self.state.v = q * self.state.v;
-            self.state.p = q * self.state.p * q.transpose();
+            let attitude = |place| self.effects.attitude(place);
+            let q = attitude(here) * attitude(before).transpose();
+            self.v = self.v.turned(&q);
+            self.g = q * self.g;
+        } else if arrival.duration_s <= 0.0 {
+            if let Some(jump) = self.effects.jump(arrival) {
+                self.v.add(&jump);
+            }
         } else if arrival.measured {
             self.measured_move(arrival);
-        } else if arrival.duration_s > 0.0 {
+        } else {
             self.moving(arrival, 0.0, arrival.duration_s);
         }
+        self.enter(here);
         if leg.settle_s > 0.0 {
-            self.pass_at(Passage::Settle, leg, leg.settle_s);
+            self.pass_at(Passage::Settle, here, leg.settle_s);
+        }
+    }
+
+    fn model(&self) -> &CovarianceModel {
+        self.effects.model()
+    }
+
+    /// From ψ^n to ψ^n + U D.
+    fn enter(&mut self, place: &E::Place) {
+        if let Some(shift) = self.effects.shift(place) {
+            self.v.add(shift);
+        }
+    }
+
+    /// And back.
+    fn leave(&mut self, place: &E::Place) {
+        if let Some(shift) = self.effects.shift(place) {
+            self.v.take(shift);
         }
     }
 
     /// A measured move: the filter's ticks run through it.
     fn measured_move(&mut self, arrival: &Move) {
-        if arrival.duration_s <= 0.0 {
-            return;
-        }
-        let period = self.model.period_s;
+        let period = self.model().period_s;
         let (ticks, remainder) = split_periods(arrival.duration_s, period);
-        let weight = self.model.noise_variance.recip();
         for tick in 0..ticks {
             self.moving(arrival, tick as f64 * period, period);
-            self.measure(weight, Measured::Move);
+            self.measure_in_move(arrival, (tick + 1) as f64 * period, 1.0);
         }
         if remainder > 0.0 {
             self.moving(arrival, ticks as f64 * period, remainder);
             if self.rule == TickRule::Relaxed {
-                self.measure(weight * remainder / period, Measured::Move);
+                self.measure_in_move(arrival, arrival.duration_s, remainder / period);
             }
         }
     }
 
-    fn dwell(&mut self, leg: &Leg) {
-        let (periods, remainder) = split_periods(leg.dwell_s, self.model.period_s);
+    /// A measurement so long after the start of a move.
+    fn measure_in_move(&mut self, m: &Move, time_s: f64, share: f64) {
+        match self.effects.passed(m, time_s) {
+            None => self.measure(share, Measured::Move, None),
+            Some(place) => {
+                self.enter(&place);
+                self.measure(share, Measured::Move, Some(&place));
+                self.leave(&place);
+            }
+        }
+    }
+
+    pub fn dwell(&mut self, leg: &Leg, here: &E::Place) {
+        let (periods, remainder) = split_periods(leg.dwell_s, self.model().period_s);
         if periods > 0 {
             self.recorder.record(self.leg, Step::Dwell { periods });
-            self.dwell_periods(leg, periods);
+            self.dwell_periods(here, periods);
         }
         if remainder > 0.0 {
-            self.pass_at(Passage::Remainder, leg, remainder);
+            self.pass_at(Passage::Remainder, here, remainder);
             if self.rule == TickRule::Relaxed {
-                let weight = remainder / (self.model.period_s * self.model.noise_variance);
-                self.measure(weight, Measured::Dwell);
+                let share = remainder / self.model().period_s;
+                self.measure(share, Measured::Dwell, Some(here));
             }
         }
     }
 
-    fn dwell_periods(&mut self, leg: &Leg, periods: usize) {
-        let k = self.model.kernels.kernel(periods);
-        let State { v, p } = self.state;
-        let t = k.r11 * v + times_drift_matrix(&k.r12, &leg.attitude);
-        let g = square_root(&p);
-        self.sink.add(&(whitener(&(k.r11 * g)) * t));
-        self.sink.add(&times_drift_matrix(&k.r22, &leg.attitude));
-        let p_plus = condition(&g, &k.r11);
-        let v_plus = v - p_plus * (k.r11.transpose() * t);
-        self.state = State {
-            v: k.a_psi * v_plus + times_drift_matrix(&k.a_epsilon, &leg.attitude),
-            p: k.a_psi * p_plus * k.a_psi.transpose() + k.c,
-        };
+    fn dwell_periods(&mut self, here: &E::Place, periods: usize) {
+        let k = self.effects.kernel(periods);
+        let mut t = self.v.turned(&k.r11);
+        t.add(&self.effects.held(&k.r12, here));
+        self.condition(&k.r11, &t);
+        self.sink.add(&self.effects.held(&k.r22, here));
+        self.look_up(here, periods as f64);
+        self.v = self.v.turned(&k.a_psi);
+        self.v.add(&self.effects.held(&k.a_epsilon, here));
+        self.g = add_roots(&(k.a_psi * self.g), &k.u);
+    }
+
+    /// Takes the measurement of `h` ψ^n, of which D is `t`, with unit noise.
+    fn condition(&mut self, h: &Matrix3<E::Number>, t: &E::Drive) {
+        let through = h * self.g;
+        let whitener = inverse(&one_and(&through.transpose())).transpose();
+        self.sink.add(&t.turned(&whitener));
+        self.g *= inverse(&one_and(&through));
+        // V₊ = V − P₊ Hᵀ T.
+        let gain = self.g * self.g.transpose() * h.transpose();
+        self.v.take(&t.turned(&gain));
     }
 
     /// Time at a position without a measurement.
-    fn pass_at(&mut self, passage: Passage, leg: &Leg, length_s: f64) {
-        let b = times_drift_matrix(&self.model.dynamics.integral(length_s), &leg.attitude);
+    fn pass_at(&mut self, passage: Passage, here: &E::Place, length_s: f64) {
+        let [_, gamma] = E::Number::transition(&self.model().dynamics, length_s);
+        let b = self.effects.held(&gamma, here);
         self.pass(passage, length_s, &b);
     }
 
     /// An interval of a move.
     fn moving(&mut self, m: &Move, start_s: f64, length_s: f64) {
-        let b = m.drift_integral(&self.model.dynamics, start_s, length_s);
+        let b = self.effects.moved(m, start_s, length_s);
         self.pass(Passage::Moving { start_s }, length_s, &b);
     }
 
-    fn pass(&mut self, passage: Passage, length_s: f64, b: &DriftMatrix) {
+    fn pass(&mut self, passage: Passage, length_s: f64, b: &E::Drive) {
         self.recorder
             .record(self.leg, Step::Pass { passage, length_s });
-        let phi = self.model.dynamics.transition(length_s);
-        let noise = Matrix3::identity() * (self.model.drift_psd * length_s);
-        self.state.v = phi * self.state.v + b;
-        self.state.p = phi * self.state.p * phi.transpose() + noise;
+        let [phi, _] = E::Number::transition(&self.model().dynamics, length_s);
+        let process = E::Number::from(self.model().drift_psd * length_s).sqrt();
+        self.v = self.v.turned(&phi);
+        self.v.add(b);
+        self.g = add_roots(&(phi * self.g), &(Matrix3::identity() * process));
     }
 
-    fn measure(&mut self, weight: f64, of: Measured) {
+    /// A measurement with the information of a `share` of a period.
+    fn measure(&mut self, share: f64, of: Measured, at: Option<&E::Place>) {
+        let weight = share / self.model().noise_variance;
         self.recorder.record(self.leg, Step::Measure { weight, of });
-        let h = measurement_root(weight);
-        let State { v, p } = self.state;
-        let g = square_root(&p);
-        let t = h * v;
-        self.sink.add(&(whitener(&(h * g)) * t));
-        let p_plus = condition(&g, &h);
-        self.state = State {
-            v: v - p_plus * (h * t),
-            p: p_plus,
-        };
+        let h = self.effects.measurement() * E::Number::from(share).sqrt();
+        let t = self.v.turned(&h);
+        self.condition(&h, &t);
+        if let Some(at) = at {
+            self.look_up(at, share);
+        }
     }
-}
 
-/// √weight on ψ_x and ψ_z, nothing on ψ_y: a measurement (9) in the form of `r11`.
-pub(crate) fn measurement_root(weight: f64) -> Matrix3<f64> {
-    let mut h = Matrix3::zeros();
-    h[(NORTH, NORTH)] = weight.sqrt();
-    h[(EAST, EAST)] = weight.sqrt();
-    h
+    /// What the vertical channel tells in so many periods.
+    fn look_up(&mut self, at: &E::Place, periods: f64) {
+        if let Some(upward) = self.effects.upward(at) {
+            let root = E::Number::from(periods).sqrt();
+            self.sink.add(&upward.turned(&(Matrix3::identity() * root)));
+        }
+    }
 }

@@ -1,9 +1,9 @@
 //! The step-by-step square-root filter on faer: the independent check, and the convergence.
 //!
-//! It visits every filter period of the test with a square root of the *information* on the 15
-//! states (ψ^n, D/s), s the prior σ of each coefficient: rows of unit noise (Bierman,
-//! *Factorization Methods for Discrete Sequential Estimation*, 1977, ch. V–VI), three on ψ^n and
-//! D, twelve on D alone. A period adds the process noise √(q t) v to ψ^n, v of unit size; then
+//! It visits every filter period of the test with a square root of the *information* on the states
+//! (ψ^n, D/s), D all m parameters of the platform and s the prior σ of each: rows of unit noise
+//! (Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, ch. V–VI), three on ψ^n
+//! and D, m on D alone. A period adds the process noise √(q t) v to ψ^n, v of unit size; then
 //! come the rows of the measurement. Eliminating v, and ψ^n from what is left over, by QR
 //! factorisations leaves three rows on ψ^n and D again, and two more on D alone:
 //!
@@ -17,19 +17,31 @@
 //! *Stability of Householder QR factorization for weighted least squares problems*, 1998). So what
 //! only the prior knows keeps its digits beside what the measurements tell 1e16 times better; a
 //! square root of the covariance, which carries the digits of its largest entry, loses them. A
-//! coefficient known exactly has s = 0: its column is zero, and it stays known. A misalignment
+//! parameter known exactly has s = 0: its column is zero, and it stays known. A misalignment
 //! known exactly is one known to 1e-9 of the noise of a measurement.
+//!
+//! All parameters are carried directly, in three channels of measurement and a fourth of azimuth,
+//!
+//! ```text
+//! z_1 = ψ_z + b_1 + v,   z_2 = b_2 + v,   z_3 = −ψ_x + b_3 + v,   z_4 = ψ_y + v_4,   b = C_c^n δZ^c D.
+//! ```
+//!
+//! A move turns the torquers whether it takes time or not: ψ^n jumps by ∫ C_c^n T ω_nc^c ds. Considered
+//! parameters have columns but no prior among the rows; see [`full`](super::full) for what becomes of
+//! them.
 //!
 //! # What it shares with the kernels, and what not
 //!
-//! Of its own are: the attitude, as the product of three turns, with its own sines; the gyros, by
-//! their input, output and spin axes in (3); whole filter periods (`instrument`); Φ and Γ, by a
-//! Taylor series; the drift integral of a move, by Runge–Kutta steps; every factorisation, faer's.
+//! Of its own are: the attitude, as the product of three turns, with its own sines, and the rate at
+//! which the gimbals turn it; the terms of the error model, by the names of the parameters and the axes
+//! of each gyro (`terms`); whole filter periods (`instrument`); Φ and Γ, by a Taylor series; the drift
+//! integral of a move, by Runge–Kutta steps; every factorisation, faer's.
 //! It knows nothing of dwells, of gains, or of covariance. Shared with the
 //! [`chain`](super::chain) are:
 //!
 //! - the [`Timeline`]: which way a move takes, how long it takes, when settling and dwells are;
-//! - the [`Platform`] in SI, the Earth rate in n, and the units (arcsec, °/h) of the states;
+//! - the [`Platform`] in SI, the Earth rate in n, the units of the states and of the parameters;
+//! - which parameters there are, with their priors, and how P follows from N and B;
 //! - the equations themselves, (2), (3), (9), and the rule for when the filter measures;
 //! - the type of number with 32 digits, and products and sums of small matrices of it.
 //!
@@ -37,35 +49,33 @@
 
 mod elimination;
 pub(crate) mod instrument;
+mod terms;
 mod transition;
 
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, Matrix3};
 
-use elimination::{DriftInformation, Elimination};
-use instrument::Instrument;
+use elimination::{DriftInformation, Elimination, Told, inverse_of};
+use instrument::{Drive, Instrument, Terms};
 use transition::{runge_kutta_integral, taylor_transition};
 
-use super::real::{
-    Dense, Extended, Real, convert, identity, inverse_of_triangle, product, sum, transposed, zeros,
+use super::EndCovariance;
+use super::full::{
+    FullCovariance, IgnoredGroup, Outcome, Question, coefficients, errors_of_coefficients,
 };
-use super::{CovarianceRoot, EndCovariance};
+use super::real::{Dense, Extended, Real, product, transposed};
 use crate::attitude::{EAST, NORTH, Position, UP};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::{Error, Result};
 use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
-use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
+use crate::units::{ARCSEC_PER_RAD, Angle};
 
-/// ψ^n and D.
-const STATES: usize = 3 + COEFFICIENTS;
 /// Process noise of a step, one for each ψ.
 const NOISES: usize = 3;
-/// ψ_x and ψ_z are measured (9); the vertical channel carries only noise.
-const MEASUREMENTS: usize = 2;
 /// Order of elimination of ψ^n: what is measured first.
 const ORDER: [usize; 3] = [NORTH, EAST, UP];
-/// A row of unit noise on (ψ^n, D/s), ψ^n in [`ORDER`].
-type Row<T> = [T; STATES];
+/// −[g^n ×], g^n = (0, −1, 0): what each channel sees of ψ^n, (9). The vertical one sees nothing.
+const SEEN: [[f64; 3]; 3] = [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]];
 
 /// What the filter knows at one moment of the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,11 +99,11 @@ pub fn step_by_step(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    run::<f64>(platform, &Instrument::PAPER, timeline, observe)
+    Ok(run::<f64>(platform, &Instrument::of(platform), timeline, observe)?.end)
 }
 
 /// The same in numbers of 32 digits, some thirty times slower: for weak priors beside strong
-/// measurements. Of moves that take time the drift integral is known to nine digits all the same.
+/// measurements. Of moves the drift integral is known to nine digits all the same.
 ///
 /// # Errors
 ///
@@ -103,7 +113,16 @@ pub fn step_by_step_extended(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<EndCovariance> {
-    run::<Extended>(platform, &Instrument::PAPER, timeline, observe)
+    Ok(run::<Extended>(platform, &Instrument::of(platform), timeline, observe)?.end)
+}
+
+/// What is known of all parameters at the end of `timeline`, step by step.
+///
+/// # Errors
+///
+/// As [`step_by_step`].
+pub fn full_step_by_step(platform: &Platform, timeline: &Timeline) -> Result<FullCovariance> {
+    run::<f64>(platform, &Instrument::of(platform), timeline, &mut |_| {})
 }
 
 /// The filter in numbers `T`, on what it is told the instrument is.
@@ -112,8 +131,8 @@ pub(crate) fn run<T: Real>(
     instrument: &Instrument,
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
-) -> Result<EndCovariance> {
-    let mut filter = SquareRootFilter::<T>::new(platform, instrument);
+) -> Result<FullCovariance> {
+    let mut filter = SquareRootFilter::<T>::new(platform, instrument)?;
     filter.report(observe);
     for (index, leg) in timeline.legs().iter().enumerate() {
         filter.leg = index;
@@ -128,8 +147,8 @@ pub(crate) fn run<T: Real>(
             }
         }
         let here = Drift::Constant(leg.position);
-        filter.advance(here, 0.0, leg.settle_s, false, observe);
-        filter.advance(here, 0.0, leg.dwell_s, true, observe);
+        filter.advance(here, leg.settle_s, false, observe);
+        filter.advance(here, leg.dwell_s, true, observe);
     }
     filter.end()
 }
@@ -144,62 +163,94 @@ enum Drift<'a> {
 struct SquareRootFilter<'a, T: Real> {
     platform: &'a Platform,
     instrument: &'a Instrument,
+    terms: Terms<T>,
+    /// The same for drift integrals.
+    terms_in_doubles: Terms<f64>,
     /// q, arcsec²/s.
     drift_psd: f64,
     /// r, arcsec.
     noise: f64,
-    /// s, °/h.
-    prior_sigma: CoefficientVector,
-    /// What is known of ψ^n and D.
-    misalignment: [Row<T>; 3],
+    /// Noise of the azimuth, arcsec.
+    azimuth_noise: Option<f64>,
+    /// s of each parameter.
+    scale: Vec<T>,
+    /// How many parameters are estimated; they come first.
+    estimated: Vec<usize>,
+    considered: Vec<usize>,
+    /// What is known of ψ^n and D: rows of unit noise on (ψ^n, D/s), ψ^n in [`ORDER`].
+    misalignment: Vec<Vec<T>>,
     /// What is known of D alone.
     drift: DriftInformation<T>,
     noise_elimination: Elimination<T>,
     misalignment_elimination: Elimination<T>,
     time_s: f64,
     leg: usize,
-    /// The last transition made, for the many equal periods of a dwell.
-    cached: Option<(Position, f64, Transition<T>)>,
+    /// The last step made, for the many equal periods of a dwell.
+    cached: Option<(Position, f64, Step<T>)>,
 }
 
-/// Φ and B of an interval.
-type Transition<T> = (Dense<T, 3, 3>, Dense<T, 3, COEFFICIENTS>);
+/// An interval: Φ and B, and δZ^n of each parameter at its end.
+#[derive(Clone)]
+struct Step<T> {
+    phi: Dense<T, 3, 3>,
+    b: Drive<T>,
+    output: Option<Drive<T>>,
+}
 
 impl<'a, T: Real> SquareRootFilter<'a, T> {
-    fn new(platform: &'a Platform, instrument: &'a Instrument) -> Self {
+    fn new(platform: &'a Platform, instrument: &'a Instrument) -> Result<Self> {
+        let parameters = platform.errors.parameters();
+        let unknown = || Error::numerical("the filter does not know every parameter");
+        let terms = Terms::new(parameters).ok_or_else(unknown)?;
+        let terms_in_doubles = Terms::new(parameters).ok_or_else(unknown)?;
         let noise = Angle::from_rad(platform.noise_g).arcsec();
-        let mut misalignment = [[T::from(0.0); STATES]; 3];
+        let count = parameters.len();
+        let mut misalignment = vec![vec![T::from(0.0); 3 + count]; 3];
         for (i, axis) in ORDER.into_iter().enumerate() {
             let sigma = Angle::from_rad(platform.prior_misalignment_rad[axis]).arcsec();
             misalignment[i][i] = T::from(1.0) / T::from(sigma.max(T::KNOWN * noise));
         }
-        Self {
+        let azimuth_noise = platform
+            .azimuth_noise_rad
+            .map(|v| Angle::from_rad(v).arcsec());
+        // Two of ψ_x and ψ_z, the azimuth; the vertical channel tells of D alone.
+        let seeing = 2 + usize::from(azimuth_noise.is_some());
+        let measured = seeing + usize::from(terms.has_accelerometers());
+        let estimated = platform.errors.estimated();
+        Ok(Self {
             platform,
             instrument,
+            terms,
+            terms_in_doubles,
             drift_psd: platform.drift_psd * ARCSEC_PER_RAD.powi(2),
             noise,
-            prior_sigma: platform
-                .prior_drift_rad_per_s
-                .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
+            azimuth_noise,
+            scale: parameters.iter().map(|p| T::from(p.prior_sigma)).collect(),
+            estimated: (0..estimated).collect(),
+            considered: (estimated..count).collect(),
             misalignment,
-            drift: DriftInformation::new(MEASUREMENTS),
-            noise_elimination: Elimination::new(NOISES + 3, NOISES + STATES, NOISES),
-            misalignment_elimination: Elimination::new(3 + MEASUREMENTS, STATES, 3),
+            drift: DriftInformation::new(count, estimated, measured),
+            noise_elimination: Elimination::new(NOISES + 3, NOISES + 3 + count, NOISES),
+            misalignment_elimination: Elimination::new(3 + seeing, 3 + count, 3),
             time_s: 0.0,
             leg: 0,
             cached: None,
-        }
+        })
     }
 
     fn reposition(&mut self, m: &Move, observe: &mut dyn FnMut(&Moment)) {
-        self.advance(Drift::Moving(m), 0.0, m.duration_s, m.measured, observe);
+        if m.duration_s > 0.0 {
+            self.advance(Drift::Moving(m), m.duration_s, m.measured, observe);
+        } else if self.terms.has_torquers() {
+            let b = self.moved(m, (0.0, 1.0));
+            self.drive(&b);
+        }
     }
 
     /// Advances by `duration_s`; with measurements, in whole periods and a remainder.
     fn advance(
         &mut self,
         drift: Drift<'_>,
-        start_s: f64,
         duration_s: f64,
         measured: bool,
         observe: &mut dyn FnMut(&Moment),
@@ -213,80 +264,102 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
             false => (0, duration_s),
         };
         for tick in 0..ticks {
-            let transition = self.transition(drift, start_s + tick as f64 * period, period);
-            self.update(&transition, period, true);
+            let step = self.step(drift, tick as f64 * period, period);
+            self.update(&step, period, true);
             self.time_s += period;
             self.report(observe);
         }
         if remainder > 0.0 {
-            let done = start_s + ticks as f64 * period;
-            let transition = self.transition(drift, done, remainder);
-            self.update(&transition, remainder, false);
+            let step = self.step(drift, ticks as f64 * period, remainder);
+            self.update(&step, remainder, false);
             self.time_s += remainder;
             self.report(observe);
         }
     }
 
-    /// Φ and B of an interval.
-    fn transition(&mut self, drift: Drift<'_>, start_s: f64, length_s: f64) -> Transition<T> {
+    /// Φ and B of an interval, and what the accelerometers show at its end.
+    fn step(&mut self, drift: Drift<'_>, start_s: f64, length_s: f64) -> Step<T> {
         let earth = self.platform.earth_rate_n;
         match drift {
             Drift::Constant(position) => {
-                if let Some((p, length, transition)) = self.cached
-                    && p == position
-                    && length == length_s
+                if let Some((p, length, step)) = &self.cached
+                    && *p == position
+                    && *length == length_s
                 {
-                    return transition;
+                    return step.clone();
                 }
                 let (phi, gamma) = taylor_transition(&earth, length_s);
-                let transition = (
+                let attitude = self.instrument.attitude::<T>(position);
+                let rate: [T; 3] = std::array::from_fn(|i| {
+                    let parts = attitude.iter().zip(&earth);
+                    parts.fold(T::from(0.0), |sum, (row, w)| sum + row[i] * T::from(*w))
+                });
+                let axes = &self.instrument.axes;
+                let a = self.terms.drift(axes, &attitude, &rate, T::from(1.0));
+                let step = Step {
                     phi,
-                    product(&gamma, &self.instrument.drift_columns(position)),
-                );
-                self.cached = Some((position, length_s, transition));
-                transition
+                    b: gamma.map(|row| combination(&row, &a)),
+                    output: self.output(position),
+                };
+                self.cached = Some((position, length_s, step.clone()));
+                step
             }
             Drift::Moving(m) => {
-                let b = runge_kutta_integral(self.instrument, &earth, m, (start_s, length_s));
-                let (phi, _) = taylor_transition(&earth, length_s);
-                (phi, convert(|i, j| b[i][j]))
+                let [start, length] = [start_s, length_s].map(|s| s / m.duration_s);
+                Step {
+                    phi: taylor_transition(&earth, length_s).0,
+                    b: self.moved(m, (start, length)),
+                    output: self.output(m.position_at(start + length)),
+                }
             }
         }
     }
 
-    /// One step: time update by (Φ, B) over `length_s`, and the measurement if wanted.
-    fn update(&mut self, (phi, b): &Transition<T>, length_s: f64, measure: bool) {
-        self.propagate(phi, b);
+    /// B of a part of a move.
+    fn moved(&self, m: &Move, part: (f64, f64)) -> Drive<T> {
+        let earth = self.platform.earth_rate_n;
+        let b = runge_kutta_integral(self.instrument, &self.terms_in_doubles, &earth, m, part);
+        b.map(|row| row.into_iter().map(T::from).collect())
+    }
+
+    /// δZ^n of each parameter at a position, if the accelerometers have errors.
+    fn output(&self, position: Position) -> Option<Drive<T>> {
+        let attitude = || self.instrument.attitude::<T>(position);
+        let wanted = self.terms.has_accelerometers();
+        wanted.then(|| self.terms.output(&attitude()))
+    }
+
+    /// One step: time update over `length_s`, and the measurement if wanted.
+    fn update(&mut self, step: &Step<T>, length_s: f64, measure: bool) {
+        // F is skew, so Φ is a rotation.
+        self.rotate(&step.phi);
+        self.drive(&step.b);
         let process = (self.drift_psd * length_s).sqrt();
         if process > 0.0 {
             self.diffuse(T::from(process));
         }
         if measure {
-            self.measure();
+            self.measure(step.output.as_ref());
         }
     }
 
-    /// ψ^n ← Φ ψ^n + B D.
-    fn propagate(&mut self, phi: &Dense<T, 3, 3>, b: &Dense<T, 3, COEFFICIENTS>) {
-        // F is skew, so Φ is a rotation.
-        self.rotate(phi);
-        let in_order = ORDER.map(|axis| b[axis]);
-        let mut own = zeros::<T, 3, 3>();
-        for (own, row) in own.iter_mut().zip(&self.misalignment) {
-            own.copy_from_slice(&row[..3]);
-        }
-        let drift = product(&own, &in_order);
-        for (row, drift) in self.misalignment.iter_mut().zip(&drift) {
-            let scaled = drift.iter().zip(self.prior_sigma.iter());
-            for (value, (drift, sigma)) in row[3..].iter_mut().zip(scaled) {
-                *value -= *drift * T::from(*sigma);
+    /// ψ^n ← ψ^n + B D.
+    fn drive(&mut self, b: &Drive<T>) {
+        let in_order = ORDER.map(|axis| &b[axis]);
+        for row in &mut self.misalignment {
+            let own = [row[0], row[1], row[2]];
+            for (j, (value, scale)) in row[3..].iter_mut().zip(&self.scale).enumerate() {
+                let parts = own.iter().zip(in_order);
+                let drift = parts.fold(T::from(0.0), |sum, (own, b)| sum + *own * b[j]);
+                *value -= drift * *scale;
             }
         }
     }
 
     /// ψ^n ← ψ^n + `process` v.
     fn diffuse(&mut self, process: T) {
-        let mut rows = [[T::from(0.0); NOISES + STATES]; NOISES + 3];
+        let states = 3 + self.scale.len();
+        let mut rows = vec![vec![T::from(0.0); NOISES + states]; NOISES + 3];
         for (i, row) in self.misalignment.iter().enumerate() {
             rows[i][i] = T::from(1.0);
             let driven = &mut rows[NOISES + i];
@@ -301,19 +374,45 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         }
     }
 
-    /// Takes a measurement of ψ_x and ψ_z.
-    fn measure(&mut self) {
-        let mut rows = [[T::from(0.0); STATES]; 3 + MEASUREMENTS];
-        rows[..3].copy_from_slice(&self.misalignment);
-        // They come first in the order.
-        for i in 0..MEASUREMENTS {
-            rows[3 + i][i] = T::from(1.0) / T::from(self.noise);
+    /// Takes the measurements of a period.
+    fn measure(&mut self, output: Option<&Drive<T>>) {
+        let mut rows = self.misalignment.clone();
+        let mut of_drift_alone = None;
+        for (channel, seen) in SEEN.iter().enumerate() {
+            let row = self.channel(seen, output.map(|o| &o[channel]), self.noise);
+            match seen.iter().any(|v| *v != 0.0) {
+                true => rows.push(row),
+                false => of_drift_alone = output.is_some().then_some(row),
+            }
+        }
+        if let Some(noise) = self.azimuth_noise {
+            let mut azimuth = [0.0; 3];
+            azimuth[UP] = 1.0;
+            rows.push(self.channel(&azimuth, None, noise));
         }
         self.misalignment_elimination.run(&mut rows);
-        self.misalignment.copy_from_slice(&rows[..3]);
-        let [.., first, second] = &rows;
-        self.drift
-            .add::<{ COEFFICIENTS + MEASUREMENTS }>(&[&first[3..], &second[3..]]);
+        let left = rows.split_off(3);
+        self.misalignment = rows;
+        let all = left.iter().chain(&of_drift_alone);
+        self.drift.add(all.map(|row| &row[3..]));
+    }
+
+    /// A row of unit noise for a measurement that sees so much of ψ^n, and what the accelerometers
+    /// add.
+    fn channel(&self, seen: &[f64; 3], output: Option<&Vec<T>>, noise: f64) -> Vec<T> {
+        let noise = T::from(noise);
+        let mut row: Vec<T> = ORDER
+            .iter()
+            .map(|&axis| T::from(seen[axis]) / noise)
+            .collect();
+        match output {
+            Some(output) => {
+                let scaled = output.iter().zip(&self.scale);
+                row.extend(scaled.map(|(v, s)| *v * *s / noise));
+            }
+            None => row.resize(3 + self.scale.len(), T::from(0.0)),
+        }
+        row
     }
 
     /// ψ^n ← Q ψ^n.
@@ -327,60 +426,117 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         }
     }
 
-    /// L with P_D = L Lᵀ, °/h.
-    fn drift_root(&self) -> CoefficientMatrix {
-        let root = self.drift.covariance_root();
-        CoefficientMatrix::from_fn(|i, j| root[i][j].f64() * self.prior_sigma[i])
+    /// What the filter comes to, the `last` of the parameters last.
+    fn told(&self, last: &[usize]) -> Told<T> {
+        self.drift.told(&self.estimated, last, &self.considered)
     }
 
-    /// Covariance of ψ^n, from that of D/s by its root.
-    fn misalignment_covariance(&self) -> Matrix3<f64> {
-        let mut rows = self.misalignment;
-        Elimination::new(3, STATES, 3).run(&mut rows);
-        let own = inverse_of_triangle(&rows.map(|[x, z, y, ..]| [x, z, y]));
-        let mut by_drift = zeros::<T, 3, COEFFICIENTS>();
-        for (by_drift, row) in by_drift.iter_mut().zip(&rows) {
-            by_drift.copy_from_slice(&row[3..]);
-        }
-        let drift = product(&product(&own, &by_drift), &self.drift.covariance_root());
-        let ordered = sum(
-            product(&own, &transposed(&own)),
-            &product(&drift, &transposed(&drift)),
-        );
+    /// Covariance of ψ^n: the truth, from what is told of D/s.
+    fn misalignment_covariance(&self, told: &Told<T>) -> Matrix3<f64> {
+        let mut rows = self.misalignment.clone();
+        Elimination::new(3, 3 + self.scale.len(), 3).run(&mut rows);
+        let own = inverse_of(&rows, 3);
+        // ψ^n by what is left over, by the estimates' errors and by what is not known of.
+        let through = |of: &dyn Fn(&[T]) -> Vec<T>| {
+            let parts: Vec<Vec<T>> = rows.iter().map(|row| of(&row[3..])).collect();
+            DMatrix::from_fn(3, parts[0].len(), |i, j| {
+                let parts = own[i].iter().zip(&parts);
+                parts.fold(T::from(0.0), |sum, (own, part)| sum + *own * part[j])
+            })
+        };
+        let noise = DMatrix::from_fn(3, 3, |i, j| own[i][j]);
+        let estimated = through(&|row| combined(row, &told.pivots, &told.root));
+        let considered = through(&|row| {
+            let mut parts = combined(row, &told.pivots, &told.bias);
+            for (part, &c) in parts.iter_mut().zip(&self.considered) {
+                *part += row[c];
+            }
+            parts
+        });
+        let square = |m: &DMatrix<T>| m * m.transpose();
+        let ordered = square(&noise) + square(&estimated) + square(&considered);
         let mut covariance = Matrix3::zeros();
         for i in 0..3 {
             for j in 0..3 {
-                covariance[(ORDER[i], ORDER[j])] = ordered[i][j].f64();
+                covariance[(ORDER[i], ORDER[j])] = ordered[(i, j)].f64();
             }
         }
         covariance
     }
 
     fn report(&self, observe: &mut dyn FnMut(&Moment)) {
-        let root = self.drift_root();
+        let told = self.told(&self.estimated);
+        let mut sigma = CoefficientVector::zeros();
+        for (k, &parameter) in told.pivots.iter().enumerate() {
+            if parameter < COEFFICIENTS {
+                let parts = told.root[k].iter().chain(&told.bias[k]);
+                let squares: f64 = parts.map(|v| v.f64() * v.f64()).sum();
+                sigma[parameter] = squares.sqrt() * self.scale[parameter].f64();
+            }
+        }
         observe(&Moment {
             time_s: self.time_s,
             leg: self.leg,
-            sigma_deg_per_h: CoefficientVector::from_fn(|i, _| root.row(i).norm()),
+            sigma_deg_per_h: sigma,
         });
     }
 
-    fn end(&self) -> Result<EndCovariance> {
-        let root = self.drift_root();
-        let end = EndCovariance {
-            coefficients: root * root.transpose(),
-            root: CovarianceRoot::new(root, *self.drift.order()),
-            misalignment: self.misalignment_covariance(),
-        };
-        let finite = |mut values: std::slice::Iter<'_, f64>| values.all(|v| v.is_finite());
-        if finite(end.coefficients.as_slice().iter()) && finite(end.misalignment.as_slice().iter())
-        {
-            Ok(end)
-        } else {
-            Err(Error::numerical(
+    /// In the parameters' units.
+    fn scaled(&self, told: &Told<T>, rows: &[Vec<T>]) -> DMatrix<f64> {
+        let columns = rows.first().map_or(0, Vec::len);
+        DMatrix::from_fn(rows.len(), columns, |i, j| {
+            (rows[i][j] * self.scale[told.pivots[i]]).f64()
+        })
+    }
+
+    fn budget(&self) -> Vec<IgnoredGroup> {
+        let twelve = coefficients();
+        let questions = Question::of_budget(&self.platform.errors);
+        let answered = questions.into_iter().map(|(group, role, question)| {
+            let estimated = [&twelve[..], &question.others].concat();
+            let told = self.drift.told(&estimated, &twelve, &question.ignored);
+            let bias = self.scaled(&told, &told.bias);
+            IgnoredGroup {
+                group,
+                role,
+                error_deg_per_h: errors_of_coefficients(&told.pivots, &bias),
+            }
+        });
+        answered.collect()
+    }
+
+    fn end(&self) -> Result<FullCovariance> {
+        let told = self.told(&coefficients());
+        let full = FullCovariance::new(Outcome {
+            root: self.scaled(&told, &told.root),
+            bias: self.scaled(&told, &told.bias),
+            misalignment: self.misalignment_covariance(&told),
+            budget: self.budget(),
+            pivots: told.pivots,
+        });
+        match full.is_finite() {
+            true => Ok(full),
+            false => Err(Error::numerical(
                 "the square-root filter overflows double precision: the noises, the prior and \
                  the durations are too far apart to give a trustworthy number",
-            ))
+            )),
         }
     }
+}
+
+/// Σ_k row_k a_k of three rows.
+fn combination<T: Real>(row: &[T; 3], a: &Drive<T>) -> Vec<T> {
+    let of = |j: usize| row[0] * a[0][j] + row[1] * a[1][j] + row[2] * a[2][j];
+    (0..a[0].len()).map(of).collect()
+}
+
+/// `row` on the parameters times `matrix`, whose rows belong to the `pivots`.
+fn combined<T: Real>(row: &[T], pivots: &[usize], matrix: &[Vec<T>]) -> Vec<T> {
+    let mut sum = vec![T::from(0.0); matrix.first().map_or(0, Vec::len)];
+    for (&parameter, of) in pivots.iter().zip(matrix) {
+        for (sum, value) in sum.iter_mut().zip(of) {
+            *sum += row[parameter] * *value;
+        }
+    }
+    sum
 }

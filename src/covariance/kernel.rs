@@ -27,13 +27,12 @@
 //! In W the columns are eliminated in the order ψ_x, ψ_z, ψ_y, ε_x, ε_z, ε_y: strongest first,
 //! which grades the rows and keeps the weak ones accurate.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, Vector3};
 
-use super::small::whitener;
+use super::real::Real;
+use super::triangle::{add_roots, inverse, one_and, triangle};
 use crate::attitude::{EAST, NORTH, UP};
 use crate::dynamics::ErrorDynamics;
-
-type Matrix6 = SMatrix<f64, 6, 6>;
 
 /// Elimination order of (ψ, ε): strongest first.
 const ORDER: [usize; 6] = [NORTH, EAST, UP, 3 + NORTH, 3 + EAST, 3 + UP];
@@ -44,33 +43,35 @@ const ORDER: [usize; 6] = [NORTH, EAST, UP, 3 + NORTH, 3 + EAST, 3 + UP];
 /// `r11 ψ + r12 ε` (three) and `r22 ε` (three). Given them, ψ at the end is
 /// `a_psi ψ + a_epsilon ε` plus noise of covariance `c`. ψ in arcsec, ε in °/h.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kernel {
+pub struct Kernel<T = f64> {
     /// Sensitivity of the first three scalars to ψ at the start, 1/arcsec.
-    pub r11: Matrix3<f64>,
+    pub r11: Matrix3<T>,
     /// Sensitivity of the first three scalars to ε, 1/(°/h).
-    pub r12: Matrix3<f64>,
+    pub r12: Matrix3<T>,
     /// Sensitivity of the last three scalars to ε, 1/(°/h).
-    pub r22: Matrix3<f64>,
+    pub r22: Matrix3<T>,
     /// ψ at the end from ψ at the start, given the measurements.
-    pub a_psi: Matrix3<f64>,
+    pub a_psi: Matrix3<T>,
     /// ψ at the end from ε, given the measurements, s.
-    pub a_epsilon: Matrix3<f64>,
+    pub a_epsilon: Matrix3<T>,
     /// Covariance of ψ at the end given the start and the measurements, arcsec².
-    pub c: Matrix3<f64>,
+    pub c: Matrix3<T>,
+    /// A root of it, arcsec.
+    pub u: Matrix3<T>,
     /// How well the dwell alone tells ε_x, ε_y, ε_z − ω_N ψ_y: 1/σ, (°/h)⁻¹.
     pub channel_weights: Vector3<f64>,
 }
 
 /// The element in the factored form that composes: W (6×6), Φ̃ = [a_psi a_epsilon; 0 I], U.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Element {
-    w: Matrix6,
-    a_psi: Matrix3<f64>,
-    a_epsilon: Matrix3<f64>,
-    u: Matrix3<f64>,
+pub(super) struct Element<T: Real = f64> {
+    w: Matrix6<T>,
+    a_psi: Matrix3<T>,
+    a_epsilon: Matrix3<T>,
+    u: Matrix3<T>,
 }
 
-impl Element {
+impl<T: Real> Element<T> {
     /// No time at all.
     pub(super) fn identity() -> Self {
         Self {
@@ -81,117 +82,91 @@ impl Element {
         }
     }
 
-    /// One period: propagate, then measure ψ_x and ψ_z (9) with variance r².
-    pub(super) fn one_period(dynamics: &ErrorDynamics, period_s: f64, q: f64, r2: f64) -> Self {
-        let (phi, gamma) = (dynamics.transition(period_s), dynamics.integral(period_s));
-        let process = q * period_s;
-        let innovation_sigma = (r2 + process).sqrt();
-        // Given the measurement, the measured directions of the process noise shrink.
-        let measured = r2 / (r2 + process);
-        let keep = Matrix3::from_diagonal(&nalgebra::Vector3::new(measured, 1.0, measured));
+    /// One period: propagate, then measure the components of ψ^n that have a noise variance,
+    /// arcsec²: ψ_x and ψ_z (9), and the azimuth ψ_y where it is.
+    pub(super) fn one_period(
+        dynamics: &ErrorDynamics,
+        period_s: f64,
+        q: f64,
+        measured: [Option<f64>; 3],
+    ) -> Self {
+        let [phi, gamma] = T::transition(dynamics, period_s);
+        let process = T::from(q) * T::from(period_s);
         let mut w = Matrix6::zeros();
-        for (row, axis) in [NORTH, EAST].into_iter().enumerate() {
+        // Given the measurement, the measured directions of the process noise shrink.
+        let mut keep = Matrix3::identity();
+        for (row, axis) in [NORTH, EAST, UP].into_iter().enumerate() {
+            let Some(noise) = measured[axis].map(T::from) else {
+                continue;
+            };
+            let innovation_sigma = (noise + process).sqrt();
             for j in 0..3 {
                 w[(row, j)] = phi[(axis, j)] / innovation_sigma;
                 w[(row, 3 + j)] = gamma[(axis, j)] / innovation_sigma;
             }
+            keep[(axis, axis)] = noise / (noise + process);
         }
         Self {
             w,
             a_psi: keep * phi,
             a_epsilon: keep * gamma,
-            u: (keep * process).map(f64::sqrt),
+            u: (keep * process).map(T::sqrt),
         }
     }
 
     /// This element, then `next`.
     pub(super) fn then(&self, next: &Self) -> Self {
         // The next element's scalars seen from this one's start: W2 Φ̃1 x + W2 U1 ξ + noise.
-        let w2_psi = next.w.fixed_columns::<3>(0);
-        let w2_epsilon = next.w.fixed_columns::<3>(3);
+        let w2_psi: Matrix6x3<T> = next.w.fixed_columns::<3>(0).into_owned();
+        let seen_psi = w2_psi * self.a_psi;
+        let seen_epsilon = w2_psi * self.a_epsilon + next.w.fixed_columns::<3>(3);
         let mut seen = Matrix6::zeros();
-        seen.fixed_columns_mut::<3>(0)
-            .copy_from(&(w2_psi * self.a_psi));
-        seen.fixed_columns_mut::<3>(3)
-            .copy_from(&(w2_psi * self.a_epsilon + w2_epsilon));
+        seen.fixed_columns_mut::<3>(0).copy_from(&seen_psi);
+        seen.fixed_columns_mut::<3>(3).copy_from(&seen_epsilon);
+        // Whitening by I + (W2 U1)(W2 U1)ᵀ through its triangular factor.
         let through_noise = w2_psi * self.u;
-        // Whitening by I + (W2 U1)(W2 U1)ᵀ through its triangular factor: one QR of
-        // [ (W2 U1)ᵀ ; I ] gives the factor without forming the product.
-        let mut stacked = SMatrix::<f64, 9, 6>::zeros();
-        stacked
-            .fixed_rows_mut::<3>(0)
-            .copy_from(&through_noise.transpose());
-        stacked.fixed_rows_mut::<6>(3).fill_with_identity();
-        let factor_t = stacked.qr().r();
-        let whitened = whitened(&factor_t, &seen);
+        let whitened = inverse(&one_and(&through_noise.transpose())).transpose() * seen;
         // ξ given x and the next element's measurements: covariance (I + U1ᵀ J2 U1)⁻¹.
-        let shrink = whitener(&through_noise_gram_root(&through_noise));
-        let conditional = self.u * shrink.transpose();
+        let shrink = inverse(&one_and(&through_noise));
+        let conditional = self.u * shrink;
         // (I + C̃1 J2)⁻¹ Φ̃1 = Φ̃1 − U1 (I + U1ᵀ J2 U1)⁻¹ U1ᵀ J2 Φ̃1.
-        let gain = conditional * shrink * through_noise.transpose() * seen;
-        let start_psi = self.a_psi - gain.fixed_columns::<3>(0);
-        let start_epsilon = self.a_epsilon - gain.fixed_columns::<3>(3);
+        let gain = conditional * shrink.transpose() * through_noise.transpose();
+        let start_psi = self.a_psi - gain * seen_psi;
+        let start_epsilon = self.a_epsilon - gain * seen_epsilon;
         Self {
             w: stack_information(&self.w, &whitened),
             a_psi: next.a_psi * start_psi,
             a_epsilon: next.a_psi * start_epsilon + next.a_epsilon,
-            u: add_covariance_roots(&(next.a_psi * conditional), &next.u),
+            u: add_roots(&(next.a_psi * conditional), &next.u),
         }
     }
 
-    pub(super) fn split(&self) -> Kernel {
+    pub(super) fn split(&self) -> Kernel<T> {
         let block = |i: usize, j: usize| self.w.fixed_view::<3, 3>(i, j).into_owned();
         let (r11, r12, r22) = (block(0, 0), block(0, 3), block(3, 3));
+        let doubles = |m: &Matrix3<T>| m.map(T::f64);
         Kernel {
-            channel_weights: channel_weights(&r11, &r12, &r22),
+            channel_weights: channel_weights(&doubles(&r11), &doubles(&r12), &doubles(&r22)),
             r11,
             r12,
             r22,
             a_psi: self.a_psi,
             a_epsilon: self.a_epsilon,
             c: self.u * self.u.transpose(),
+            u: self.u,
         }
     }
 }
 
-/// L⁻¹ `seen` with L = `factor_t`ᵀ. The diagonal of a factor of a sum with I is never zero; were
-/// it so, nothing that the kernel is used for could be trusted, and NaN makes every covariance
-/// that it takes part in an error.
-fn whitened(factor_t: &Matrix6, seen: &Matrix6) -> Matrix6 {
-    let solved = factor_t.transpose().solve_lower_triangular(seen);
-    solved.unwrap_or_else(|| Matrix6::repeat(f64::NAN))
-}
-
-/// A 3×3 B with B Bᵀ = Nᵀ N for the 6×3 matrix N, from the R factor of N.
-fn through_noise_gram_root(n: &SMatrix<f64, 6, 3>) -> Matrix3<f64> {
-    n.qr().r().transpose()
-}
-
 /// W with WᵀW = W1ᵀW1 + W2ᵀW2: R of the stacked rows, eliminated in [`ORDER`].
-fn stack_information(w1: &Matrix6, w2: &Matrix6) -> Matrix6 {
-    let mut stacked = SMatrix::<f64, 12, 6>::zeros();
-    for (to, from) in ORDER.into_iter().enumerate() {
-        stacked
-            .fixed_view_mut::<6, 1>(0, to)
-            .copy_from(&w1.column(from));
-        stacked
-            .fixed_view_mut::<6, 1>(6, to)
-            .copy_from(&w2.column(from));
-    }
-    let r = stacked.qr().r();
+fn stack_information<T: Real>(w1: &Matrix6<T>, w2: &Matrix6<T>) -> Matrix6<T> {
+    let ordered = |w: &Matrix6<T>| Matrix6::from_fn(|i, j| w[(i, ORDER[j])]);
+    let r = triangle(&[&ordered(w1), &ordered(w2)]);
     let mut w = Matrix6::zeros();
     for (from, to) in ORDER.into_iter().enumerate() {
         w.set_column(to, &r.column(from));
     }
     w
-}
-
-/// U with U Uᵀ = U1 U1ᵀ + U2 U2ᵀ.
-fn add_covariance_roots(u1: &Matrix3<f64>, u2: &Matrix3<f64>) -> Matrix3<f64> {
-    let mut stacked = SMatrix::<f64, 6, 3>::zeros();
-    stacked.fixed_rows_mut::<3>(0).copy_from(&u1.transpose());
-    stacked.fixed_rows_mut::<3>(3).copy_from(&u2.transpose());
-    stacked.qr().r().transpose()
 }
 
 /// How well one dwell on its own, its start unknown, tells the channels of ε^n: 1/σ of each,
@@ -248,6 +223,8 @@ mod tests {
         (KernelTable::new(dynamics, 10.0, Q, R2), dynamics)
     }
 
+    type Matrix6 = SMatrix<f64, 6, 6>;
+
     /// The element by composing one period at a time with the textbook formulas on (Φ̃, C̃, J).
     fn textbook(dynamics: &ErrorDynamics, periods: usize) -> (Matrix6, Matrix6, Matrix6) {
         let mut phi1 = Matrix6::identity();
@@ -301,17 +278,12 @@ mod tests {
 
     #[test]
     fn a_failed_factorisation_is_seen() {
-        let seen = Matrix6::identity();
-        assert_eq!(whitened(&(Matrix6::identity() * 2.0), &seen), seen * 0.5);
-        let mut singular = Matrix6::identity();
-        singular[(3, 3)] = 0.0;
-        assert!(whitened(&singular, &seen).iter().all(|w| w.is_nan()));
-        // A kernel made of it ends in an error, not in a number.
+        // A kernel of numbers that are none ends in an error, not in a number.
         let spoilt = Element {
-            w: whitened(&singular, &seen),
-            ..table(0.49).0.one_period
+            w: Matrix6::repeat(f64::NAN),
+            ..table(0.49).0.doublings.one_period
         };
-        let kernel = table(0.49).0.one_period.then(&spoilt).split();
+        let kernel = table(0.49).0.doublings.one_period.then(&spoilt).split();
         let a = crate::drift::drift_matrix(&crate::attitude::Position::default().attitude());
         let rows = kernel.r22 * a;
         let information = rows.transpose() * rows;

@@ -6,8 +6,12 @@
 //! docs/reliability.md.
 
 use faer::traits::RealField;
+use nalgebra::{ClosedAddAssign, ClosedMulAssign, ClosedSubAssign, Matrix3, Scalar};
+use num_traits::{One, Zero};
 
+use super::Precision;
 use crate::attitude::{Degrees, Position};
+use crate::dynamics::ErrorDynamics;
 
 /// A number of 32 digits.
 pub(crate) type Extended = faer::fx128;
@@ -16,7 +20,17 @@ pub(crate) type Extended = faer::fx128;
 pub(crate) type Dense<T, const A: usize, const B: usize> = [[T; B]; A];
 
 /// A number that a filter can be run with.
-pub(crate) trait Real: RealField + Copy + From<f64> {
+pub(crate) trait Real:
+    RealField
+    + Copy
+    + From<f64>
+    + Scalar
+    + Zero
+    + One
+    + ClosedAddAssign
+    + ClosedSubAssign
+    + ClosedMulAssign
+{
     /// σ of a misalignment component known exactly, in units of the measurement noise: its share
     /// of any variance is below rounding even after a million measurements.
     const KNOWN: f64;
@@ -24,48 +38,89 @@ pub(crate) trait Real: RealField + Copy + From<f64> {
     /// Terms of a series of size one that are less than this are below rounding.
     const SMALLEST_TERM: f64;
 
+    /// Its name.
+    const PRECISION: Precision;
+
     /// The nearest double.
     fn f64(self) -> f64;
 
+    /// √ of it.
+    fn sqrt(self) -> Self;
+
     /// C_c^n = Mx(α) My(β) Mz(γ) (19).
-    fn attitude(position: Position) -> Dense<Self, 3, 3>;
+    fn attitude(position: Position) -> Matrix3<Self>;
+
+    /// Φ and Γ of an interval.
+    fn transition(dynamics: &ErrorDynamics, length_s: f64) -> [Matrix3<Self>; 2];
 }
 
 impl Real for f64 {
     const KNOWN: f64 = 1e-9;
     const SMALLEST_TERM: f64 = 1e-18;
+    const PRECISION: Precision = Precision::Double;
 
     fn f64(self) -> f64 {
         self
     }
 
-    fn attitude(position: Position) -> Dense<Self, 3, 3> {
-        let c = position.attitude();
-        std::array::from_fn(|i| std::array::from_fn(|j| c.matrix()[(i, j)]))
+    fn sqrt(self) -> Self {
+        Self::sqrt(self)
+    }
+
+    fn attitude(position: Position) -> Matrix3<Self> {
+        *position.attitude().matrix()
+    }
+
+    fn transition(dynamics: &ErrorDynamics, length_s: f64) -> [Matrix3<Self>; 2] {
+        [dynamics.transition(length_s), dynamics.integral(length_s)]
     }
 }
 
 impl Real for Extended {
     const KNOWN: f64 = 1e-12;
     const SMALLEST_TERM: f64 = 1e-34;
+    const PRECISION: Precision = Precision::Extended;
 
     fn f64(self) -> f64 {
         self.0
     }
 
-    fn attitude(position: Position) -> Dense<Self, 3, 3> {
+    fn sqrt(self) -> Self {
+        Self::sqrt(self)
+    }
+
+    fn attitude(position: Position) -> Matrix3<Self> {
         let turn = |angle: Degrees, axis: usize| {
             let (s, c) = sine_cosine(angle);
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
-            let mut m = identity::<Self, 3>();
-            m[j][j] = c;
-            m[k][k] = c;
-            m[j][k] = s;
-            m[k][j] = -s;
+            let mut m = Matrix3::identity();
+            m[(j, j)] = c;
+            m[(k, k)] = c;
+            m[(j, k)] = s;
+            m[(k, j)] = -s;
             m
         };
         let [alpha, beta, gamma] = position.exact();
-        product(&product(&turn(alpha, 0), &turn(beta, 1)), &turn(gamma, 2))
+        turn(alpha, 0) * turn(beta, 1) * turn(gamma, 2)
+    }
+
+    /// In closed form, F = −[ω ×] of rate ω.
+    fn transition(dynamics: &ErrorDynamics, length_s: f64) -> [Matrix3<Self>; 2] {
+        let f = dynamics.system_matrix().map(Self::from);
+        let squared = f * f;
+        // F² has the trace −2 ω².
+        let trace = squared[(0, 0)] + squared[(1, 1)] + squared[(2, 2)];
+        let rate = (-trace / Self::from(2.0)).sqrt();
+        let t = Self::from(length_s);
+        let (sin, cos) = sin_cos(rate * t);
+        let first = sin / rate;
+        let second = (Self::ONE - cos) / (rate * rate);
+        let third = (t - first) / (rate * rate);
+        let one = Matrix3::<Self>::identity();
+        [
+            one + f * first + squared * second,
+            one * t + f * second + squared * third,
+        ]
     }
 }
 
@@ -160,21 +215,6 @@ pub(crate) fn transposed<T: Real, const A: usize, const B: usize>(
     std::array::from_fn(|j| std::array::from_fn(|i| a[i][j]))
 }
 
-/// R⁻¹ of an upper triangular R.
-pub(crate) fn inverse_of_triangle<T: Real, const N: usize>(r: &Dense<T, N, N>) -> Dense<T, N, N> {
-    let mut inverse = identity();
-    for i in (0..N).rev() {
-        let mut row: [T; N] = inverse[i];
-        for (below, factor) in inverse[i + 1..].iter().zip(&r[i][i + 1..]) {
-            for (value, below) in row.iter_mut().zip(below) {
-                *value -= *factor * *below;
-            }
-        }
-        inverse[i] = row.map(|value| value / r[i][i]);
-    }
-    inverse
-}
-
 /// The same numbers in another precision.
 pub(crate) fn convert<T: Real, const A: usize, const B: usize>(
     value: impl Fn(usize, usize) -> f64,
@@ -216,13 +256,13 @@ mod tests {
     fn attitudes_are_those_of_doubles_and_right_angles_are_exact() {
         let position = Position::from_deg(20.0, -130.0, 77.0);
         let (a, b) = (Extended::attitude(position), f64::attitude(position));
-        for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
+        for (a, b) in a.iter().zip(b.iter()) {
             assert!((a.0 - b).abs() < 1e-15);
         }
         let far = Extended::attitude(Position::from_deg(20.0 - 3600.0, 230.0, 437.0));
         assert_eq!(far, a);
         let axes = Extended::attitude(Position::from_deg(90.0, -180.0, 270.0));
-        let exact = axes.iter().flatten();
-        assert!(exact.clone().all(|v| v.0 == v.0.round() && v.1 == 0.0));
+        let mut exact = axes.iter();
+        assert!(exact.all(|v| v.0 == v.0.round() && v.1 == 0.0));
     }
 }

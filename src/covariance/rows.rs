@@ -6,55 +6,49 @@
 //! pivoted and large rows come first, which makes Householder QR backward stable row by row (Cox &
 //! Higham, *Stability of Householder QR factorization for weighted least squares problems*, 1998).
 
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DefaultAllocator, Dim, OMatrix, SMatrix, U3};
 
 use super::chain::InformationSink;
+use super::real::Real;
+use super::triangle::triangularise_pivoted;
 use super::{CovarianceRoot, not_finite};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftMatrix};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 
 /// Rows collected between two factorisations.
 const FRESH: usize = 60;
-const HEIGHT: usize = COEFFICIENTS + FRESH;
 
 /// Rows of the information on D, in units of the prior σ.
 #[derive(Debug, Clone)]
-pub(super) struct Rows {
-    prior_sigma: CoefficientVector,
+pub(super) struct Rows<T: Real = f64> {
+    prior_sigma: Vec<f64>,
     /// The triangularised past, then fresh rows.
-    stack: Box<SMatrix<f64, HEIGHT, COEFFICIENTS>>,
+    stack: Vec<Vec<T>>,
     used: usize,
 }
 
 impl Rows {
+    /// On the twelve coefficients.
     pub fn new(prior_sigma: &CoefficientVector) -> Self {
-        Self {
-            prior_sigma: *prior_sigma,
-            stack: Box::new(SMatrix::zeros()),
-            used: COEFFICIENTS,
-        }
-    }
-
-    /// The largest entry in all: how many times better than the prior, σ against σ, some
-    /// combination of coefficients is told.
-    pub fn largest(&mut self) -> f64 {
-        self.compress();
-        self.stack.amax()
+        Self::on(prior_sigma.as_slice())
     }
 
     /// R of all rows, in units of the prior σ.
     pub fn triangle(&mut self) -> CoefficientMatrix {
         self.compress();
-        self.stack.fixed_rows::<COEFFICIENTS>(0).into_owned()
+        CoefficientMatrix::from_fn(|i, j| self.stack[i][j])
     }
 
     /// Adds such an R.
     pub fn add_triangle(&mut self, r: &CoefficientMatrix) {
         self.compress();
-        self.stack
-            .fixed_rows_mut::<COEFFICIENTS>(COEFFICIENTS)
-            .copy_from(r);
-        self.used = 2 * COEFFICIENTS;
+        for i in 0..COEFFICIENTS {
+            for j in 0..COEFFICIENTS {
+                self.stack[self.used + i][j] = r[(i, j)];
+            }
+        }
+        self.used += COEFFICIENTS;
     }
 
     /// L with P_D = L Lᵀ = S (RᵀR + I)⁻¹ S, S the prior σ.
@@ -62,32 +56,140 @@ impl Rows {
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
-    pub fn covariance_root(mut self) -> Result<CovarianceRoot> {
-        self.compress();
-        let mut with_prior = SMatrix::<f64, { 2 * COEFFICIENTS }, COEFFICIENTS>::zeros();
-        with_prior
-            .fixed_rows_mut::<COEFFICIENTS>(0)
-            .copy_from(&self.stack.fixed_rows::<COEFFICIENTS>(0));
-        with_prior
-            .fixed_rows_mut::<COEFFICIENTS>(COEFFICIENTS)
-            .fill_with_identity();
-        if !with_prior.iter().all(|v| v.is_finite()) {
-            return Err(not_finite());
+    pub fn covariance_root(self) -> Result<CovarianceRoot> {
+        let all: Vec<usize> = (0..COEFFICIENTS).collect();
+        self.solve([&[], &all], &[])?.of_coefficients()
+    }
+}
+
+impl<T: Real> Rows<T> {
+    /// On parameters of these prior σ.
+    pub fn on(prior_sigma: &[f64]) -> Self {
+        let count = prior_sigma.len();
+        Self {
+            prior_sigma: prior_sigma.to_vec(),
+            stack: vec![vec![T::from(0.0); count]; count + FRESH],
+            used: count,
         }
-        let qr = with_prior.col_piv_qr();
-        let mut pivots = in_order();
-        qr.p().permute_rows(&mut pivots);
-        root_of_triangle(&qr.r(), pivots.into(), &self.prior_sigma)
     }
 
-    fn compress(&mut self) {
-        sort_rows(&mut self.stack, self.used);
-        let qr = self.stack.col_piv_qr();
-        let mut r = qr.r();
-        qr.p().inv_permute_columns(&mut r);
-        self.stack.fill(0.0);
-        self.stack.fixed_rows_mut::<COEFFICIENTS>(0).copy_from(&r);
-        self.used = COEFFICIENTS;
+    fn count(&self) -> usize {
+        self.prior_sigma.len()
+    }
+
+    /// The largest entry in all: how many times better than the prior, σ against σ, some
+    /// combination of parameters is told.
+    pub fn largest(&mut self) -> f64 {
+        self.compress();
+        let all = self.stack[..self.used].iter().flatten();
+        all.fold(0.0_f64, |max, v| max.max(v.f64().abs()))
+    }
+
+    /// The triangle of the first parameters, in units of the prior σ.
+    pub fn first_columns(&self, count: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(self.used, count, |i, j| self.stack[i][j].f64())
+    }
+
+    /// What a filter comes to that estimates the parameters of both `blocks`, from their priors and
+    /// all rows, and does not know of those that it has `ignored`, nor of any others.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
+    pub fn solve(mut self, blocks: [&[usize]; 2], ignored: &[usize]) -> Result<Solved<T>> {
+        self.compress();
+        self.solution(blocks, ignored)
+    }
+
+    /// The same, the rows having been triangularised.
+    pub fn solution(&self, blocks: [&[usize]; 2], ignored: &[usize]) -> Result<Solved<T>> {
+        let columns: Vec<usize> = [blocks[0], blocks[1], ignored].concat();
+        let estimated = blocks[0].len() + blocks[1].len();
+        let picked = |row: &Vec<T>| columns.iter().map(|&c| row[c]).collect();
+        let mut rows: Vec<Vec<T>> = self.stack[..self.used].iter().map(picked).collect();
+        for k in 0..estimated {
+            let mut prior = vec![T::from(0.0); columns.len()];
+            prior[k] = T::from(1.0);
+            rows.push(prior);
+        }
+        if !rows.iter().flatten().all(|v| v.f64().is_finite()) {
+            return Err(not_finite());
+        }
+        let order = triangularise_pivoted(&mut rows, &[blocks[0].len(), estimated]);
+        let inverse = inverse_of_rows(&rows, estimated);
+        let sigma = |k: usize| T::from(self.prior_sigma[columns[order[k]]]);
+        let root = DMatrix::from_fn(estimated, estimated, |i, j| inverse[(i, j)] * sigma(i));
+        let seen = DMatrix::from_fn(estimated, ignored.len(), |i, j| rows[i][estimated + j]);
+        let solved = Solved {
+            pivots: order[..estimated].iter().map(|&k| columns[k]).collect(),
+            bias: -(&root * seen),
+            root,
+        };
+        match solved.is_finite() {
+            true => Ok(solved),
+            false => Err(not_finite()),
+        }
+    }
+
+    /// Triangularises what has been added.
+    pub fn compress(&mut self) {
+        let count = self.count();
+        let rows = &mut self.stack[..self.used];
+        let order = triangularise_pivoted(rows, &[count]);
+        let mut sorted = vec![T::from(0.0); count];
+        for row in &mut rows[..count] {
+            for (from, &to) in order.iter().enumerate() {
+                sorted[to] = row[from];
+            }
+            row.copy_from_slice(&sorted);
+        }
+        self.used = count;
+    }
+}
+
+/// R⁻¹ of the first rows and columns of `rows`, which are upper triangular.
+fn inverse_of_rows<T: Real>(rows: &[Vec<T>], count: usize) -> DMatrix<T> {
+    let mut inverse = DMatrix::zeros(count, count);
+    for j in 0..count {
+        inverse[(j, j)] = T::from(1.0) / rows[j][j];
+        for i in (0..j).rev() {
+            let mut sum = T::from(0.0);
+            for k in i + 1..=j {
+                sum += rows[i][k] * inverse[(k, j)];
+            }
+            inverse[(i, j)] = -sum / rows[i][i];
+        }
+    }
+    inverse
+}
+
+/// What a filter comes to: its own covariance by a root, and what it does not know of.
+pub(super) struct Solved<T> {
+    /// The parameter that each row belongs to.
+    pub pivots: Vec<usize>,
+    /// L with N = L Lᵀ, upper triangular in this order, in the parameters' units.
+    pub root: DMatrix<T>,
+    /// What each ignored parameter does to the estimates at one prior σ of it.
+    pub bias: DMatrix<T>,
+}
+
+impl<T: Real> Solved<T> {
+    fn is_finite(&self) -> bool {
+        let all = self.root.iter().chain(self.bias.iter());
+        all.copied().all(|v| v.f64().is_finite())
+    }
+
+    /// L of the twelve coefficients, which are the last of all.
+    pub fn of_coefficients(&self) -> Result<CovarianceRoot> {
+        let first = self.pivots.len() - COEFFICIENTS;
+        let mut root = CoefficientMatrix::zeros();
+        let pivots: [usize; COEFFICIENTS] = std::array::from_fn(|k| self.pivots[first + k]);
+        for (k, &coefficient) in pivots.iter().enumerate() {
+            for j in 0..COEFFICIENTS {
+                root[(coefficient, j)] = self.root[(first + k, first + j)].f64();
+            }
+        }
+        Ok(CovarianceRoot::new(root, pivots))
     }
 }
 
@@ -200,26 +302,24 @@ fn in_order() -> SMatrix<usize, COEFFICIENTS, 1> {
     SMatrix::from_fn(|i, _| i)
 }
 
-/// Puts the largest of the first `used` rows first.
-fn sort_rows(stack: &mut SMatrix<f64, HEIGHT, COEFFICIENTS>, used: usize) {
-    let mut order: Vec<(f64, usize)> = (0..used).map(|i| (stack.row(i).amax(), i)).collect();
-    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let unsorted = *stack;
-    for (to, (_, from)) in order.into_iter().enumerate() {
-        stack.set_row(to, &unsorted.row(from));
-    }
-}
-
-impl InformationSink for Rows {
-    fn add(&mut self, rows: &DriftMatrix) {
-        if self.used + 3 > HEIGHT {
+impl<T: Real, C: Dim> InformationSink<OMatrix<T, U3, C>> for Rows<T>
+where
+    DefaultAllocator: Allocator<U3, C>,
+{
+    fn add(&mut self, rows: &OMatrix<T, U3, C>) {
+        if self.used + 3 > self.stack.len() {
             self.compress();
         }
+        let nothing = T::from(0.0);
         for i in 0..3 {
-            for j in 0..COEFFICIENTS {
-                self.stack[(self.used + i, j)] = rows[(i, j)] * self.prior_sigma[j];
+            if rows.row(i).iter().all(|v| *v == nothing) {
+                continue;
             }
+            let columns = self.prior_sigma.iter().enumerate();
+            for (value, (j, sigma)) in self.stack[self.used].iter_mut().zip(columns) {
+                *value = rows[(i, j)] * T::from(*sigma);
+            }
+            self.used += 1;
         }
-        self.used += 3;
     }
 }

@@ -1,9 +1,11 @@
 //! Where the two computations of a number differ by more than they may.
 
 use crate::covariance::EndCovariance;
+use crate::covariance::full::FullCovariance;
 use crate::covariance::real::Real;
-use crate::drift::DriftCoefficient;
+use crate::drift::{COEFFICIENTS, DriftCoefficient};
 use crate::error::Error;
+use crate::model::{Parameter, Unit};
 
 /// Largest relative difference of a σ between the two computations.
 pub const AGREEMENT: f64 = 1e-6;
@@ -18,7 +20,7 @@ pub const CORRELATION_AGREEMENT: f64 = 1e-5;
 pub struct Disagreement {
     /// In what.
     pub of: Compared,
-    /// By the dwell kernels: σ in °/h, of a misalignment in arcsec; a correlation.
+    /// By the dwell kernels: a σ in its unit, a correlation.
     pub kernels: f64,
     /// The same by the step-by-step filter.
     pub filter: f64,
@@ -35,6 +37,12 @@ pub enum Compared {
     Misalignment(usize),
     /// The correlation of two coefficients.
     Correlation(DriftCoefficient, DriftCoefficient),
+    /// σ of another parameter, by its name.
+    Parameter(&'static str, Unit),
+    /// The σ that the filter claims of a parameter, where some are only considered.
+    Claimed(&'static str, Unit),
+    /// What ignoring a group of errors adds, by its key.
+    Ignored(&'static str),
 }
 
 impl Compared {
@@ -44,13 +52,17 @@ impl Compared {
             Self::Coefficient(c) => c.name().to_owned(),
             Self::Misalignment(axis) => MISALIGNMENT_NAMES[axis].to_owned(),
             Self::Correlation(a, b) => format!("{}, {}", a.name(), b.name()),
+            Self::Parameter(name, _) | Self::Claimed(name, _) | Self::Ignored(name) => {
+                name.to_owned()
+            }
         }
     }
 
-    /// `deg/h`, `arcsec` or `1`.
+    /// `deg/h`, `arcsec` or another unit; `1` of a correlation.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Coefficient(_) => "deg/h",
+            Self::Coefficient(_) | Self::Ignored(_) => "deg/h",
+            Self::Parameter(_, unit) | Self::Claimed(_, unit) => unit.name(),
             Self::Misalignment(_) => "arcsec",
             Self::Correlation(..) => "1",
         }
@@ -63,7 +75,11 @@ pub(crate) const MISALIGNMENT_NAMES: [&str; 3] = ["psi_nx", "psi_ny", "psi_nz"];
 impl Disagreement {
     pub(super) fn error(self) -> Error {
         let what = match self.of {
-            Compared::Coefficient(_) | Compared::Misalignment(_) => "sigmas",
+            Compared::Coefficient(_) | Compared::Misalignment(_) | Compared::Parameter(..) => {
+                "sigmas"
+            }
+            Compared::Claimed(..) => "claimed sigmas",
+            Compared::Ignored(_) => "errors by ignorance",
             Compared::Correlation(..) => "correlations",
         };
         let (of, unit) = (self.of.name(), self.of.unit());
@@ -79,6 +95,55 @@ impl Disagreement {
 /// The largest relative difference of a σ between two computations of the same covariance, or the
 /// first that is too large; `noise_arcsec` is that of a measurement.
 pub(super) fn compare(
+    parameters: &[Parameter],
+    kernels: &FullCovariance,
+    filter: &FullCovariance,
+    noise_arcsec: f64,
+) -> std::result::Result<f64, Disagreement> {
+    let worst = compare_ends(&kernels.end, &filter.end, noise_arcsec)?;
+    Ok(worst.max(compare_parameters(parameters, kernels, filter)?))
+}
+
+/// The same of what is not of the coefficients or ψ^n.
+fn compare_parameters(
+    parameters: &[Parameter],
+    kernels: &FullCovariance,
+    filter: &FullCovariance,
+) -> std::result::Result<f64, Disagreement> {
+    /// °/h: less than this nobody cares for, and a group that cannot err at all may come to it.
+    const LEAST_ERROR: f64 = 1e-9;
+    let pairs = |a: Vec<f64>, b: Vec<f64>| parameters.iter().zip(a.into_iter().zip(b));
+    let truth = pairs(kernels.sigma(), filter.sigma()).skip(COEFFICIENTS);
+    let truth = truth.map(|(p, (a, b))| (Compared::Parameter(p.name, p.unit), a, b, 0.0));
+    let claimed = pairs(kernels.claimed_sigma(), filter.claimed_sigma());
+    let claimed = claimed.map(|(p, (a, b))| (Compared::Claimed(p.name, p.unit), a, b, 0.0));
+    let budget = kernels
+        .budget
+        .iter()
+        .zip(&filter.budget)
+        .flat_map(|(a, b)| {
+            let each = a.error_deg_per_h.iter().zip(b.error_deg_per_h.iter());
+            each.map(|(of_a, of_b)| {
+                (
+                    Compared::Ignored(a.group),
+                    *of_a,
+                    *of_b,
+                    LEAST_ERROR / AGREEMENT,
+                )
+            })
+        });
+    let mut worst = 0.0_f64;
+    for (of, kernels, filter, least) in truth.chain(claimed).chain(budget) {
+        let difference = match kernels == filter {
+            true => 0.0,
+            false => (kernels - filter).abs() / filter.max(least),
+        };
+        worst = worst.max(agreed(of, [kernels, filter, difference], AGREEMENT)?);
+    }
+    Ok(worst)
+}
+
+fn compare_ends(
     kernels: &EndCovariance,
     filter: &EndCovariance,
     noise_arcsec: f64,

@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 use nalgebra::Matrix3;
 
 use super::Move;
-use crate::drift::{DriftMatrix, drift_matrix, times_drift_matrix};
+use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::units::EARTH_RATE_RAD_PER_S;
 
@@ -155,6 +155,26 @@ fn for_each_node(m: &Move, length_s: f64, mut visit: impl FnMut(f64, f64)) {
     }
 }
 
+/// Calls `visit(fraction of the move, share)` at every node of a part of the move, start and length
+/// as fractions of it, for an integrand of `degree` in the angles; the shares add up to the length.
+/// Also where the move takes no time.
+pub(crate) fn for_each_share(
+    m: &Move,
+    (start, length): (f64, f64),
+    degree: f64,
+    mut visit: impl FnMut(f64, f64),
+) {
+    let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
+    let earth = EARTH_RATE_RAD_PER_S * m.duration_s;
+    let (rule, panels) = rule_for(0.5 * (turn * degree + earth) * length);
+    let width = length / panels as f64;
+    for panel in 0..panels {
+        for &(x, w) in &rule.nodes {
+            visit(start + width * (panel as f64 + x), width * w);
+        }
+    }
+}
+
 impl Move {
     /// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval of `length_s` that starts `start_s` into
     /// the move: what the drift D adds to ψ^n by the interval's end is B D. Unit s (times g).
@@ -178,6 +198,7 @@ impl Move {
 mod tests {
     use super::*;
     use crate::attitude::earth_rate_n;
+    use crate::drift::drift_matrix;
 
     fn fine(m: &Move, dynamics: &ErrorDynamics, start: f64, length: f64) -> DriftMatrix {
         let rule = Rule::gauss_legendre(64);

@@ -1,12 +1,12 @@
 //! ln separability for searches: value and gradient by the Gram matrix of the weighted rows, through
 //! its structure.
 //!
-//! The rows of a position held (or of a moment of a measured move) are, but for signs that no
-//! separability depends on, `w_i c_ia h_p` over gyros a and h = (1, g_x, g_y, g_z), i the channel's
-//! axis in n, c = C_c^n, g = g^c; and in the z row stands `w_z κ` for ω_N ψ_y(0). So each adds
+//! The rows of a position held (or of a moment of a measured move) are `w_i c_ia h_ap` over gyros a
+//! and h_a = (1, g_I, g_O, g_S) along their axes, i the channel's axis in n, c = C_c^n, g = g^c; and in
+//! the z row stands `w_z κ` for ω_N ψ_y(0). So each adds, for gyros a and b,
 //!
 //! ```text
-//! M ⊗ h hᵀ,  M = Σ_i w_i² c_i c_iᵀ (3×3);   w_z² κ c_z ⊗ h;   w_z² κ²
+//! M_ab h_a h_bᵀ,  M = Σ_i w_i² c_i c_iᵀ (3×3);   w_z² κ c_za h_a;   w_z² κ²
 //! ```
 //!
 //! to the Gram matrix G, a fifth of the products that its rows would take one by one, and the
@@ -23,10 +23,10 @@ use crate::covariance::CovarianceModel;
 use crate::covariance::fast::arithmetic::Single;
 use crate::covariance::fast::dispatch::{self, Task};
 use crate::covariance::gradient::LegGradient;
-use crate::drift::{CoefficientVector, DriftCoefficient};
+use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::motion::Timeline;
 
-/// Factors of a gyro: 1 and the components of gravity.
+/// Factors of a gyro: 1 and the components of gravity along its axes.
 const FACTORS: usize = 4;
 /// Where ω_N ψ_y(0) stands, after three gyros of four factors.
 const AZIMUTH: usize = 3 * FACTORS;
@@ -137,9 +137,11 @@ impl LogSeparability {
 
 /// Where a coefficient stands: by its gyro, and in that by its factor.
 const fn place(c: DriftCoefficient) -> usize {
-    let factor = match c.excitation() {
-        None => 0,
-        Some((axis, _)) => 1 + axis,
+    let factor = match c.kind() {
+        DriftKind::Constant => 0,
+        DriftKind::Input => 1,
+        DriftKind::Output => 2,
+        DriftKind::Spin => 3,
     };
     FACTORS * c.gyro() + factor
 }
@@ -148,8 +150,8 @@ const fn place(c: DriftCoefficient) -> usize {
 struct Parts {
     /// C_c^n, rounding left out.
     c: [[f64; 3]; 3],
-    /// 1 and gravity.
-    h: [f64; FACTORS],
+    /// Of each gyro: 1 and gravity along its axes.
+    h: [[f64; FACTORS]; 3],
     /// w_i².
     squares: [f64; 3],
     /// M.
@@ -172,12 +174,13 @@ impl Parts {
                     + squares[2] * c[2][a] * c[2][b]
             })
         });
-        Self {
-            c,
-            h: [1.0, -g[0], -g[1], -g[2]],
-            squares,
-            m,
-        }
+        // g is minus the Up row of C.
+        let along = |axis: &[f64; 3]| -(axis[0] * g[0] + axis[1] * g[1] + axis[2] * g[2]);
+        let h = regressor
+            .mounting
+            .axes()
+            .map(|[input, output, spin]| [1.0, along(&input), along(&output), along(&spin)]);
+        Self { c, h, squares, m }
     }
 }
 
@@ -215,9 +218,9 @@ fn gram(regressor: &Regressor) -> Square {
             for p in 0..FACTORS {
                 let row = &mut gram[FACTORS * a + p];
                 for b in a..3 {
-                    let factor = m[a][b] * h[p];
+                    let factor = m[a][b] * h[a][p];
                     for q in 0..FACTORS {
-                        row[FACTORS * b + q] += factor * h[q];
+                        row[FACTORS * b + q] += factor * h[b][q];
                     }
                 }
             }
@@ -226,7 +229,7 @@ fn gram(regressor: &Regressor) -> Square {
             let weight = squares[EAST] * block.azimuth;
             for a in 0..3 {
                 for p in 0..FACTORS {
-                    gram[FACTORS * a + p][AZIMUTH] += weight * c[EAST][a] * h[p];
+                    gram[FACTORS * a + p][AZIMUTH] += weight * c[EAST][a] * h[a][p];
                 }
             }
             gram[AZIMUTH][AZIMUTH] += weight * block.azimuth;
@@ -344,7 +347,7 @@ impl Task for Pull<'_> {
         let adjoint = gram_adjoint(&self.of.solved, self.slopes);
         for block in &regressor.blocks {
             let parts = Parts::new(regressor, block);
-            let pulled = pulled(&adjoint, &parts, regressor.azimuth_unknown, block.azimuth);
+            let pulled = pulled(&adjoint, &parts, regressor, block.azimuth);
             self.azimuth_adjoint[block.leg] += pulled.azimuth;
             let slopes = pulled.weights;
             let duration = (0..3).fold(0.0, |sum, i| {
@@ -391,32 +394,32 @@ struct Pulled {
 }
 
 #[inline(always)]
-fn pulled(adjoint: &Square, parts: &Parts, has_azimuth: bool, azimuth: f64) -> Pulled {
+fn pulled(adjoint: &Square, parts: &Parts, regressor: &Regressor, azimuth: f64) -> Pulled {
     let Parts { c, h, squares, m } = parts;
-    // N = (hᵀ Ḡ_ab h): the adjoint of M; and that of h.
+    let has_azimuth = regressor.azimuth_unknown;
+    // N_ab = h_aᵀ Ḡ_ab h_b: the adjoint of M; and that of h_a.
     let mut n = [[0.0; 3]; 3];
-    let mut h_adjoint = [0.0; FACTORS];
+    let mut h_adjoint = [[0.0; FACTORS]; 3];
     for a in 0..3 {
         for b in 0..3 {
             let mut sum = 0.0;
             for p in 0..FACTORS {
-                let row = &adjoint[FACTORS * a + p][FACTORS * b..FACTORS * b + FACTORS];
-                let u = (row[0] * h[0] + row[1] * h[1]) + (row[2] * h[2] + row[3] * h[3]);
-                sum += h[p] * u;
-                h_adjoint[p] += 2.0 * m[a][b] * u;
+                let u = dot(&adjoint[FACTORS * a + p], b, &h[b]);
+                sum += h[a][p] * u;
+                h_adjoint[a][p] += 2.0 * m[a][b] * u;
             }
             n[a][b] = sum;
         }
     }
-    // The azimuth's column: t_a = Ḡ_az,a h.
+    // The azimuth's column: t_a = Ḡ_az,a h_a.
     let mut t = [0.0; 3];
     if has_azimuth {
         let weight = 2.0 * squares[EAST] * azimuth;
         for a in 0..3 {
-            let row = &adjoint[AZIMUTH][FACTORS * a..FACTORS * a + FACTORS];
-            t[a] = (row[0] * h[0] + row[1] * h[1]) + (row[2] * h[2] + row[3] * h[3]);
+            let row = &adjoint[AZIMUTH];
+            t[a] = dot(row, a, &h[a]);
             for p in 0..FACTORS {
-                h_adjoint[p] += weight * c[EAST][a] * row[p];
+                h_adjoint[a][p] += weight * c[EAST][a] * row[FACTORS * a + p];
             }
         }
     }
@@ -448,10 +451,21 @@ fn pulled(adjoint: &Square, parts: &Parts, has_azimuth: bool, azimuth: f64) -> P
         out.weights[i] = if squares[i] > 0.0 { 2.0 * square } else { 0.0 };
     }
     // g is minus the Up row of C.
-    for a in 0..3 {
-        out.c[UP][a] -= h_adjoint[1 + a];
+    for (of_gyro, axes) in h_adjoint.iter().zip(regressor.mounting.axes()) {
+        for (slope, axis) in of_gyro[1..].iter().zip(axes) {
+            for (value, along) in out.c[UP].iter_mut().zip(axis) {
+                *value -= slope * along;
+            }
+        }
     }
     out
+}
+
+/// The part of gyro `b` in a row, times its factors.
+#[inline(always)]
+fn dot(row: &[f64; WIDTH], b: usize, h: &[f64; FACTORS]) -> f64 {
+    let at = FACTORS * b;
+    (row[at] * h[0] + row[at + 1] * h[1]) + (row[at + 2] * h[2] + row[at + 3] * h[3])
 }
 
 fn add_block(

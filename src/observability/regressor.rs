@@ -10,7 +10,8 @@ use super::order::Order;
 use super::row_space::counts;
 use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
-use crate::drift::{COEFFICIENTS, drift_matrix};
+use crate::drift::COEFFICIENTS;
+use crate::model::Mounting;
 use crate::motion::Timeline;
 use serde::{Deserialize, Serialize};
 
@@ -165,6 +166,8 @@ pub(crate) struct Regressor {
     pub blocks: Vec<RowBlock>,
     /// Changes of position in frame-hold repositioning.
     pub changes: Vec<Change>,
+    /// The axes of the gyros.
+    pub mounting: Mounting,
     /// Whether ω_N ψ_y(0) is an unknown: not at the poles.
     pub azimuth_unknown: bool,
     /// Whether the y channel exists: not at the poles.
@@ -212,6 +215,7 @@ impl Regressor {
         let mut regressor = Self {
             blocks,
             changes: Vec::new(),
+            mounting: *model.mounting(),
             azimuth_unknown: azimuth,
             vertical_channel: azimuth,
         };
@@ -256,7 +260,7 @@ impl Regressor {
     /// The row of a channel in a block, weighted by one.
     pub fn row(&self, block: &RowBlock, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
-        let a = drift_matrix(&block.attitude);
+        let a = self.mounting.drift_matrix(&block.attitude);
         std::array::from_fn(|j| match j {
             COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => {
                 without_rounding(block.azimuth)

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::parameters::{self, BudgetRecord, ParameterRecord};
 use crate::config::StudyConfig;
 use crate::covariance::Precision;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
@@ -46,6 +47,14 @@ pub struct EvaluationDocument {
     pub misalignment: Vec<MisalignmentRecord>,
     /// The drift coefficients, D_FX to D_SZ.
     pub coefficients: Vec<CoefficientRecord>,
+    /// Every parameter of the platform in its own unit: the drift coefficients, others that the filter
+    /// estimates, and those that it does not know of.
+    #[serde(default)]
+    pub parameters: Vec<ParameterRecord>,
+    /// What ignoring each group of `[errors]` would do to the drift coefficients; left out where there is
+    /// none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub budget: Vec<BudgetRecord>,
     /// What the schedule makes observable.
     pub observability: ObservabilityRecord,
     /// σ against time.
@@ -275,6 +284,8 @@ impl EvaluationDocument {
                 })
                 .collect(),
             coefficients: coefficients(evaluation, objective.spec_deg_per_h.as_ref()),
+            parameters: parameters::of(evaluation, objective.spec_deg_per_h.as_ref()),
+            budget: parameters::budget(evaluation),
             observability: ObservabilityRecord::from(&evaluation.observability),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,

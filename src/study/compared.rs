@@ -127,6 +127,7 @@ impl Study {
         contenders: &[Contender],
         options: &ComparisonOptions,
     ) -> Result<ComparisonResult> {
+        self.only_of_the_paper("compare")?;
         self.check_limits()?;
         let terms = Terms {
             total_time_s: self.config().objective.total_time_s,

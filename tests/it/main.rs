@@ -16,6 +16,7 @@ mod cli;
 mod commands;
 mod dense_filter;
 mod extremes;
+mod full_model;
 mod fuzz;
 mod gradient;
 mod lanes;

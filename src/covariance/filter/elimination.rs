@@ -5,8 +5,7 @@ use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Conj, Mat, Par, dyn_stack};
 
-use crate::covariance::real::{Dense, Real, identity, inverse_of_triangle, zeros};
-use crate::drift::COEFFICIENTS;
+use crate::covariance::real::Real;
 
 /// Block size of the Householder factors: these matrices are small.
 const BLOCK: usize = 1;
@@ -42,7 +41,7 @@ impl<T: Real> Elimination<T> {
     }
 
     /// Turns `rows` so that all but the first hold nothing of the columns to eliminate.
-    pub(super) fn run<const N: usize>(&mut self, rows: &mut [[T; N]]) {
+    pub(super) fn run(&mut self, rows: &mut [Vec<T>]) {
         let width = self.factors.ncols();
         put_sorted(&mut self.matrix, rows, width);
         let (mut eliminated, mut rest) = self.matrix.as_mut().split_at_col_mut(width);
@@ -53,14 +52,16 @@ impl<T: Real> Elimination<T> {
             dyn_stack::MemStack::new(&mut self.scratch),
             Default::default(),
         );
-        householder::apply_block_householder_sequence_transpose_on_the_left_in_place_with_conj(
-            eliminated.rb(),
-            self.factors.as_ref(),
-            Conj::No,
-            rest.rb_mut(),
-            Par::Seq,
-            dyn_stack::MemStack::new(&mut self.scratch),
-        );
+        if rest.ncols() > 0 {
+            householder::apply_block_householder_sequence_transpose_on_the_left_in_place_with_conj(
+                eliminated.rb(),
+                self.factors.as_ref(),
+                Conj::No,
+                rest.rb_mut(),
+                Par::Seq,
+                dyn_stack::MemStack::new(&mut self.scratch),
+            );
+        }
         for (i, row) in rows.iter_mut().enumerate() {
             for (j, value) in row.iter_mut().enumerate() {
                 // Below the diagonal are the Householder vectors.
@@ -73,30 +74,49 @@ impl<T: Real> Elimination<T> {
     }
 }
 
-/// Twelve rows of unit noise on D/s, the prior among them.
+/// Rows of unit noise on D/s, one for each parameter, the priors among them.
 pub(super) struct DriftInformation<T: Real> {
     /// Upper triangular in the order of the pivots.
-    triangle: Dense<T, COEFFICIENTS, COEFFICIENTS>,
-    /// Which coefficient each column is.
-    order: [usize; COEFFICIENTS],
+    triangle: Vec<Vec<T>>,
+    /// Which parameter each column is.
+    order: Vec<usize>,
+    inverse: Vec<usize>,
+    rows: Vec<Vec<T>>,
     matrix: Mat<T>,
     factors: Mat<T>,
     scratch: dyn_stack::MemBuffer,
 }
 
+/// What is told of some parameters by a filter that does not know of others.
+pub(super) struct Told<T> {
+    /// The parameter that each row belongs to.
+    pub pivots: Vec<usize>,
+    /// L with L Lᵀ the covariance that the filter claims, upper triangular, in units of s.
+    pub root: Vec<Vec<T>>,
+    /// What each parameter it does not know of does to its estimates, at one s of it.
+    pub bias: Vec<Vec<T>>,
+}
+
 impl<T: Real> DriftInformation<T> {
-    /// The prior; up to `most` rows are added at a time.
-    pub(super) fn new(most: usize) -> Self {
-        let rows = COEFFICIENTS + most;
+    /// Of parameters of which the first `estimated` have priors; up to `most` rows are added at a
+    /// time.
+    pub(super) fn new(count: usize, estimated: usize, most: usize) -> Self {
+        let rows = count + most;
+        let mut triangle = vec![vec![T::from(0.0); count]; count];
+        for (i, row) in triangle.iter_mut().enumerate().take(estimated) {
+            row[i] = T::from(1.0);
+        }
         Self {
-            triangle: identity(),
-            order: std::array::from_fn(|i| i),
-            matrix: Mat::zeros(rows, COEFFICIENTS),
-            factors: Mat::zeros(BLOCK, COEFFICIENTS),
+            triangle,
+            order: (0..count).collect(),
+            inverse: vec![0; count],
+            rows: vec![vec![T::from(0.0); count]; rows],
+            matrix: Mat::zeros(rows, count),
+            factors: Mat::zeros(BLOCK, count),
             scratch: dyn_stack::MemBuffer::new(
                 col_pivoting::factor::qr_in_place_scratch::<usize, T>(
                     rows,
-                    COEFFICIENTS,
+                    count,
                     BLOCK,
                     Par::Seq,
                     Default::default(),
@@ -105,54 +125,104 @@ impl<T: Real> DriftInformation<T> {
         }
     }
 
-    /// Adds `M − 12` rows.
-    pub(super) fn add<const M: usize>(&mut self, new: &[&[T]]) {
-        let mut rows: Dense<T, M, COEFFICIENTS> = zeros();
-        for (i, row) in rows.iter_mut().take(COEFFICIENTS).enumerate() {
-            for (pivot, &column) in self.order.iter().enumerate().skip(i) {
-                row[column] = self.triangle[i][pivot];
-            }
-        }
-        for (row, new) in rows.iter_mut().skip(COEFFICIENTS).zip(new) {
+    fn count(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Adds rows.
+    pub(super) fn add<'a>(&mut self, new: impl Iterator<Item = &'a [T]>) {
+        let count = self.count();
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.iter_mut().for_each(|row| row.fill(T::from(0.0)));
+        self.unpivot_into(&mut rows);
+        for (row, new) in rows[count..].iter_mut().zip(new) {
             row.copy_from_slice(new);
         }
-        put_sorted(&mut self.matrix, &mut rows, COEFFICIENTS);
-        let mut inverse = [0; COEFFICIENTS];
+        put_sorted(&mut self.matrix, &mut rows, count);
+        self.rows = rows;
         let _transpositions = col_pivoting::factor::qr_in_place(
             self.matrix.as_mut(),
             self.factors.as_mut(),
             &mut self.order,
-            &mut inverse,
+            &mut self.inverse,
             Par::Seq,
             dyn_stack::MemStack::new(&mut self.scratch),
             Default::default(),
         );
-        for pivot in 0..COEFFICIENTS {
+        for pivot in 0..count {
             for i in 0..=pivot {
                 self.triangle[i][pivot] = self.matrix[(i, pivot)];
             }
         }
     }
 
-    /// Which coefficient each pivot is of.
-    pub(super) fn order(&self) -> &[usize; COEFFICIENTS] {
-        &self.order
+    /// The triangle with its columns in the order of the parameters.
+    fn unpivot_into(&self, rows: &mut [Vec<T>]) {
+        for (i, (row, from)) in rows.iter_mut().zip(&self.triangle).enumerate() {
+            for (pivot, &column) in self.order.iter().enumerate().skip(i) {
+                row[column] = from[pivot];
+            }
+        }
     }
 
-    /// L with L Lᵀ the covariance of D/s.
-    pub(super) fn covariance_root(&self) -> Dense<T, COEFFICIENTS, COEFFICIENTS> {
-        let inverse = inverse_of_triangle(&self.triangle);
-        let mut root = zeros();
-        for (row, &coefficient) in inverse.iter().zip(&self.order) {
-            root[coefficient] = *row;
+    /// What a filter of the `estimated` parameters comes to, in the order of the pivots but for the
+    /// `last`, which come last.
+    pub(super) fn told(&self, estimated: &[usize], last: &[usize], ignored: &[usize]) -> Told<T> {
+        let plain = ignored.is_empty() && last.len() == estimated.len();
+        if plain && estimated.len() == self.count() {
+            return Told {
+                pivots: self.order.clone(),
+                root: inverse_of(&self.triangle, self.count()),
+                bias: vec![Vec::new(); self.count()],
+            };
         }
-        root
+        let of = |set: &[usize], but: &[usize]| -> Vec<usize> {
+            let wanted = |p: &&usize| set.contains(p) && !but.contains(p);
+            self.order.iter().filter(wanted).copied().collect()
+        };
+        let pivots = [of(estimated, last), of(last, &[])].concat();
+        let columns = [&pivots[..], ignored].concat();
+        let mut unpivoted = vec![vec![T::from(0.0); self.count()]; self.count()];
+        self.unpivot_into(&mut unpivoted);
+        let picked = |row: &Vec<T>| columns.iter().map(|&c| row[c]).collect();
+        let mut rows: Vec<Vec<T>> = unpivoted.iter().map(picked).collect();
+        Elimination::new(rows.len(), columns.len(), pivots.len()).run(&mut rows);
+        let root = inverse_of(&rows, pivots.len());
+        let bias = root.iter().map(|row| {
+            let of = |j: usize| {
+                let parts = row.iter().zip(&rows);
+                parts.fold(T::from(0.0), |sum, (l, r)| sum - *l * r[pivots.len() + j])
+            };
+            (0..ignored.len()).map(of).collect()
+        });
+        Told {
+            bias: bias.collect(),
+            pivots,
+            root,
+        }
     }
 }
 
+/// R⁻¹ of the upper triangle that the first entries of `rows` are.
+pub(super) fn inverse_of<T: Real>(rows: &[Vec<T>], count: usize) -> Vec<Vec<T>> {
+    let mut inverse = vec![vec![T::from(0.0); count]; count];
+    for i in (0..count).rev() {
+        let mut row = vec![T::from(0.0); count];
+        row[i] = T::from(1.0);
+        for (below, factor) in inverse[i + 1..].iter().zip(&rows[i][i + 1..]) {
+            for (value, below) in row[i + 1..].iter_mut().zip(&below[i + 1..]) {
+                *value -= *factor * *below;
+            }
+        }
+        row.iter_mut().for_each(|value| *value /= rows[i][i]);
+        inverse[i] = row;
+    }
+    inverse
+}
+
 /// Copies `rows` into `matrix`, the largest in their first `width` entries first.
-fn put_sorted<T: Real, const N: usize>(matrix: &mut Mat<T>, rows: &mut [[T; N]], width: usize) {
-    let size = |row: &[T; N]| {
+fn put_sorted<T: Real>(matrix: &mut Mat<T>, rows: &mut [Vec<T>], width: usize) {
+    let size = |row: &Vec<T>| {
         let sizes = row[..width].iter().map(|v| v.f64().abs());
         sizes.fold(0.0_f64, f64::max)
     };

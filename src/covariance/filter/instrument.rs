@@ -1,19 +1,20 @@
-//! The instrument as the paper describes it, for the filter alone: the attitude as the product of
-//! three turns, the axes of each gyro, whole filter periods.
+//! The instrument for the filter alone: the attitude as the product of three turns, the axes of each
+//! gyro, what the parameters do, whole filter periods.
 //!
-//! The dwell kernels have the attitude in closed form, and of the gyros a table of which component
-//! of gravity multiplies which coefficient, and with which sign. Nothing of that is used here, so
-//! that a slip in one is found by the other.
+//! The dwell kernels have the attitude in closed form, and of the parameters a table of which feature
+//! multiplies which, and with which factor. Nothing of that is used here, so that a slip in one is
+//! found by the other.
 
+use super::terms::Term;
 use crate::attitude::{Degrees, Position, UP};
-use crate::covariance::real::{Dense, Real, identity, product, zeros};
-use crate::drift::COEFFICIENTS;
+use crate::covariance::real::{Dense, Real, identity, product};
+use crate::model::{GyroAxes, Parameter};
+use crate::platform::Platform;
 
-/// Coefficients of a gyro: D_F, D_I, D_O, D_S, in blocks of three gyros.
 const GYROS: usize = 3;
 
-/// Input, output and spin axis of a gyro in the platform, each a unit vector.
-pub(crate) type GyroAxes = [[f64; 3]; 3];
+/// Three rows on the parameters.
+pub(super) type Drive<T> = [Vec<T>; 3];
 
 /// What the filter takes for the instrument. Tests give it a wrong one.
 #[derive(Debug, Clone, Copy)]
@@ -46,22 +47,85 @@ impl Instrument {
         product(&product(&outer, &middle), &inner)
     }
 
-    /// A: what each coefficient does to ε^n. Of gyro k, by (3),
-    /// ε_k = D_F + D_I (I · g) + D_O (O · g) + D_S (S · g).
-    pub fn drift_columns<T: Real>(&self, position: Position) -> Dense<T, 3, COEFFICIENTS> {
-        let attitude = self.attitude::<T>(position);
+    /// That of `platform`.
+    pub fn of(platform: &Platform) -> Self {
+        Self {
+            axes: *platform.errors.mounting().axes(),
+            ..Self::PAPER
+        }
+    }
+
+    /// ω_nc^c, where the angles at `angles` change by `change` in the unit of time.
+    pub fn gimbal_rate<T: Real>(&self, angles: [Degrees; 3], change: [T; 3]) -> [T; 3] {
+        let [_, middle, inner] = [0, 1, 2].map(|k| turn::<T>(self.turns[k], angles[k]));
+        let both = product(&middle, &inner);
+        // Of C = M1 M2 M3, dM = −M [e ×] dθ: ω = −(θ̇1 (M2 M3)ᵀ e1 + θ̇2 M3ᵀ e2 + θ̇3 e3).
+        let [outer_axis, middle_axis, inner_axis] = self.turns;
+        std::array::from_fn(|i| {
+            let third = match i == inner_axis {
+                true => change[2],
+                false => T::from(0.0),
+            };
+            -(change[0] * both[outer_axis][i] + change[1] * inner[middle_axis][i] + third)
+        })
+    }
+}
+
+/// The parameters as the filter takes them.
+pub(super) struct Terms<T>(Vec<(Term, T)>);
+
+impl<T: Real> Terms<T> {
+    /// None where a name says nothing.
+    pub fn new(parameters: &[Parameter]) -> Option<Self> {
+        let term = |p: &Parameter| {
+            let unit = T::from(p.unit.in_filter_units());
+            Term::of(p.name).map(|term| (term, unit))
+        };
+        parameters.iter().map(term).collect::<Option<_>>().map(Self)
+    }
+
+    /// Whether any is of the accelerometers.
+    pub fn has_accelerometers(&self) -> bool {
+        self.0.iter().any(|(term, _)| term.is_of_accelerometers())
+    }
+
+    /// Whether any is of the torquers.
+    pub fn has_torquers(&self) -> bool {
+        self.0.iter().any(|(term, _)| term.is_of_torquers())
+    }
+
+    /// A: what each parameter does to ε^n at an attitude where the commanded rate is `rate` in the
+    /// platform; what is no rate counts `times`.
+    pub fn drift(
+        &self,
+        axes: &[GyroAxes; GYROS],
+        attitude: &Dense<T, 3, 3>,
+        rate: &[T; 3],
+        times: T,
+    ) -> Drive<T> {
         // Down, in the platform: minus the Up row of C_c^n.
         let gravity = attitude[UP].map(|v| -v);
-        let mut in_platform = zeros::<T, 3, COEFFICIENTS>();
-        for (gyro, axes) in self.axes.iter().enumerate() {
-            in_platform[gyro][gyro] = T::from(1.0);
-            for (kind, axis) in axes.iter().enumerate() {
-                let along = axis.iter().zip(gravity);
-                let along = along.fold(T::from(0.0), |sum, (a, g)| sum + T::from(*a) * g);
-                in_platform[gyro][GYROS * (1 + kind) + gyro] = along;
-            }
-        }
-        product(&attitude, &in_platform)
+        self.turned(attitude, |term| term.drift(axes, &gravity, rate, times))
+    }
+
+    /// δZ^n of each parameter at an attitude.
+    pub fn output(&self, attitude: &Dense<T, 3, 3>) -> Drive<T> {
+        self.turned(attitude, |term| term.output(&attitude[UP]))
+    }
+
+    fn turned(&self, attitude: &Dense<T, 3, 3>, of: impl Fn(Term) -> [T; 3]) -> Drive<T> {
+        let in_platform: Vec<[T; 3]> = self
+            .0
+            .iter()
+            .map(|(term, unit)| of(*term).map(|v| v * *unit))
+            .collect();
+        attitude.map(|row| {
+            let along = |v: &[T; 3]| {
+                let parts = row.iter().zip(v);
+                parts.fold(T::from(0.0), |sum, (c, v)| sum + *c * *v)
+            };
+            in_platform.iter().map(along).collect()
+        })
     }
 }
 
@@ -133,7 +197,8 @@ mod tests {
     use super::*;
     use crate::covariance::real::Extended;
     use crate::covariance::split_periods;
-    use crate::drift::drift_matrix;
+    use crate::drift::{COEFFICIENTS, drift_matrix};
+    use crate::platform::PlatformConfig;
 
     #[test]
     fn the_parts_of_a_quarter_turn_are_all_of_it() {
@@ -167,10 +232,13 @@ mod tests {
     /// What the filter has of its own is what the kernels have in another form.
     #[test]
     fn the_filters_instrument_is_that_of_the_kernels() {
+        let platform = PlatformConfig::default().check().unwrap();
+        let terms = Terms::<f64>::new(platform.errors.parameters()).unwrap();
         for k in 0..200 {
             let k = f64::from(k);
             let position = Position::from_deg(37.1 * k - 900.0, 61.7 * k - 2000.0, 11.9 * k * k);
-            let own = Instrument::PAPER.drift_columns::<f64>(position);
+            let attitude = Instrument::PAPER.attitude::<f64>(position);
+            let own = terms.drift(&Instrument::PAPER.axes, &attitude, &[0.0; 3], 1.0);
             let theirs = drift_matrix(&position.attitude());
             for i in 0..3 {
                 for j in 0..COEFFICIENTS {
@@ -199,5 +267,22 @@ mod tests {
             assert_eq!(count, expected, "{duration_s}");
             assert!((left_s - left).abs() < 1e-8, "{duration_s}");
         }
+    }
+
+    /// Against the difference of two attitudes: Ċ_c^n = C_c^n [ω_nc^c ×].
+    #[test]
+    fn the_gimbals_turn_the_platform() {
+        let degrees = |a: [f64; 3]| a.map(Degrees::new);
+        let attitude = |a: [f64; 3]| {
+            let c = Instrument::PAPER.attitude::<f64>(Position::from_deg(a[0], a[1], a[2]));
+            nalgebra::Matrix3::from_fn(|i, j| c[i][j])
+        };
+        let (angles, rate) = ([20.0, -70.0, 130.0], [0.3, -0.8, 0.5]);
+        let h: f64 = 1e-4;
+        let at = |s: f64| attitude(std::array::from_fn(|i| angles[i] + s * rate[i]));
+        let slope = (at(h) - at(-h)) / (2.0 * h.to_radians());
+        let turning = nalgebra::Vector3::from(Instrument::PAPER.gimbal_rate(degrees(angles), rate));
+        let expected = attitude(angles) * turning.cross_matrix();
+        assert!((slope - expected).amax() < 1e-9);
     }
 }

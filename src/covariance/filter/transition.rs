@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::instrument::Instrument;
-use crate::covariance::real::{Dense, Real, convert, product, sum, times, zeros};
-use crate::drift::COEFFICIENTS;
+use super::instrument::{Drive, Instrument, Terms};
+use crate::covariance::real::{Dense, Real, convert, identity, product, sum, times, zeros};
 use crate::motion::Move;
 
 /// F = −[ω ×].
@@ -23,14 +22,14 @@ pub(super) fn taylor_transition<T: Real>(
     let t = T::from(length_s) / T::from(chunks);
     let f = system_matrix(earth_rate);
     let (mut phi, mut gamma) = (zeros(), zeros());
-    let mut term = super::identity();
+    let mut term = identity();
     for k in 1..25 {
         let step = t / T::from(f64::from(k));
         phi = sum(phi, &term);
         gamma = sum(gamma, &times(term, step));
         term = times(product(&f, &term), step);
     }
-    let (mut whole_phi, mut whole_gamma) = (super::identity(), zeros());
+    let (mut whole_phi, mut whole_gamma) = (identity(), zeros());
     for _ in 0..chunks as usize {
         whole_gamma = sum(product(&phi, &whole_gamma), &gamma);
         whole_phi = product(&phi, &whole_phi);
@@ -38,36 +37,67 @@ pub(super) fn taylor_transition<T: Real>(
     (whole_phi, whole_gamma)
 }
 
-/// B of an interval of a move by the classical Runge–Kutta method on dB/dt = F B + A(t). Its
-/// error is far above rounding, so doubles will do.
+/// B of an interval of a move by the classical Runge–Kutta method on
+/// dB = (F B + A(a)) dt + A(ω_nc^c) ds, s the way: what the gimbals' motion does to the torquers
+/// depends on the way alone, and is there when a move takes no time. Its error is far above rounding,
+/// so doubles will do.
 pub(super) fn runge_kutta_integral(
     instrument: &Instrument,
+    terms: &Terms<f64>,
     earth_rate: &Vector3<f64>,
     m: &Move,
-    (start_s, length_s): (f64, f64),
-) -> Dense<f64, 3, COEFFICIENTS> {
+    // Where the interval starts and how long it is, as fractions of the move.
+    (start, length): (f64, f64),
+) -> Drive<f64> {
     /// Turn per step, rad (0.25°), and longest step, s: local error below 1e-9.
     const STEP_RAD: f64 = 0.0044;
     const STEP_S: f64 = 50.0;
-    let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s;
-    let steps = (turn / STEP_RAD).max(length_s / STEP_S).ceil().max(1.0);
-    let h = length_s / steps;
-    let f = system_matrix::<f64>(earth_rate);
-    let a_at =
-        |t: f64| instrument.drift_columns::<f64>(m.position_at((start_s + t) / m.duration_s));
-    let mut b = zeros::<f64, 3, COEFFICIENTS>();
-    let mut a0 = a_at(0.0);
+    let duration_s = m.duration_s;
+    let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length;
+    let steps = (turn / STEP_RAD).max(duration_s * length / STEP_S);
+    let steps = steps.ceil().max(1.0);
+    let h = length / steps;
+    let f = times(system_matrix::<f64>(earth_rate), duration_s);
+    let slope_at = |s: f64| {
+        let position = m.position_at(start + s);
+        let attitude = instrument.attitude::<f64>(position);
+        let gimbals = instrument.gimbal_rate(position.exact(), m.change);
+        let rate: [f64; 3] = std::array::from_fn(|i| {
+            let earth: f64 = (0..3).map(|k| attitude[k][i] * earth_rate[k]).sum();
+            earth * duration_s + gimbals[i]
+        });
+        terms.drift(&instrument.axes, &attitude, &rate, duration_s)
+    };
+    let mut a0 = slope_at(0.0);
+    let mut b: Drive<f64> = std::array::from_fn(|i| vec![0.0; a0[i].len()]);
     for step in 0..steps as usize {
-        let t = step as f64 * h;
-        let (a_mid, a1) = (a_at(t + 0.5 * h), a_at(t + h));
-        let slope = |b, a: &_| sum(product(&f, &b), a);
-        let k1 = slope(b, &a0);
-        let k2 = slope(sum(b, &times(k1, 0.5 * h)), &a_mid);
-        let k3 = slope(sum(b, &times(k2, 0.5 * h)), &a_mid);
-        let k4 = slope(sum(b, &times(k3, h)), &a1);
-        let between = times(sum(k2, &k3), 2.0);
-        b = sum(b, &times(sum(sum(k1, &between), &k4), h / 6.0));
+        let s = step as f64 * h;
+        let (a_mid, a1) = (slope_at(s + 0.5 * h), slope_at(s + h));
+        let slope = |b: &Drive<f64>, a: &Drive<f64>| combined(&driven(&f, b), a, 1.0);
+        let k1 = slope(&b, &a0);
+        let k2 = slope(&combined(&b, &k1, 0.5 * h), &a_mid);
+        let k3 = slope(&combined(&b, &k2, 0.5 * h), &a_mid);
+        let k4 = slope(&combined(&b, &k3, h), &a1);
+        let between = combined(&k2, &k3, 1.0);
+        let ends = combined(&k1, &k4, 1.0);
+        b = combined(&b, &combined(&ends, &between, 2.0), h / 6.0);
         a0 = a1;
     }
     b
+}
+
+/// F B.
+fn driven(f: &Dense<f64, 3, 3>, b: &Drive<f64>) -> Drive<f64> {
+    f.map(|row| {
+        let of = |j: usize| row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j];
+        (0..b[0].len()).map(of).collect()
+    })
+}
+
+/// a + times b.
+fn combined(a: &Drive<f64>, b: &Drive<f64>, times: f64) -> Drive<f64> {
+    std::array::from_fn(|i| {
+        let both = a[i].iter().zip(&b[i]);
+        both.map(|(a, b)| a + times * b).collect()
+    })
 }

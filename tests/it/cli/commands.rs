@@ -126,6 +126,88 @@ fn evaluate_prints_tables_that_fit_and_the_documented_json() {
     assert!(!strings(&document["defaulted"]).contains(&"motion.settle_s"));
 }
 
+/// A platform with errors that the filter estimates and some that it does not know of.
+const FULL: &str = "[motion]\nslew_rate_deg_per_s = 0.5\nsettle_s = 30\n\
+     [errors]\ntorquer_scale_factor_ppm = 1000\ntorquer_misalignment_arcsec = [60, 60, 30]\n\
+     quadratic_drift_deg_per_h_per_g2 = 0.1\nlocal_gravity_ug = 10\n\
+     [errors.parameter]\nK_1X = 100\n\
+     [errors.considered]\naccelerometer_cross_coupling_ug_per_g2 = 20\n\
+     [gyro.output_axis]\nX = \"+y\"\n[azimuth]\nnoise_arcsec = 20\n";
+
+#[test]
+fn evaluate_shows_every_parameter_by_group_and_the_budget() {
+    let desk = Desk::new();
+    desk.write("s.csv", SCHEDULE);
+    desk.write("p.toml", FULL);
+    let report = desk.done(&["evaluate", "-s", "s.csv", "-p", "p.toml"]);
+    for part in [
+        "torquer_misalignment_arcsec",
+        "accelerometer_cross_coupling_ug_per_g2, not known to the filter",
+        "T_ZY",
+        "deg/h/g2",
+        "ppm",
+        "ug/g2",
+        "claimed",
+        "Ignored already, and part of every sigma:",
+    ] {
+        assert!(report.contains(part), "{part} in:\n{report}");
+    }
+    assert!(report.lines().all(|l| l.chars().count() <= 80), "{report}");
+
+    let args = ["evaluate", "-s", "s.csv", "-p", "p.toml", "--json"];
+    let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    has_evaluation_fields(&document);
+    let parameters = document["parameters"].as_array().unwrap();
+    // Twelve, 15 quadratic, 3 + 6 torquer, K_1X and G; six considered.
+    assert_eq!(parameters.len(), 12 + 15 + 9 + 2 + 6);
+    let of = |name: &str| parameters.iter().find(|p| p["name"] == name).unwrap();
+    for (k, coefficient) in document["coefficients"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .enumerate()
+    {
+        assert_eq!(parameters[k]["name"], coefficient["name"]);
+        assert_eq!(parameters[k]["sigma"], coefficient["sigma_deg_per_h"]);
+        let order = &coefficient["observability_order"];
+        assert_eq!(parameters[k]["observability_order"], *order);
+        let claimed = parameters[k]["claimed_sigma"].as_f64().unwrap();
+        assert!(claimed < parameters[k]["sigma"].as_f64().unwrap());
+    }
+    let t = of("T_ZX");
+    assert_eq!(
+        (&t["unit"], &t["role"]),
+        (&"arcsec".into(), &"estimated".into())
+    );
+    assert_eq!(t["group"], "torquer_misalignment_arcsec");
+    assert_eq!(t["prior_sigma"], 30.0);
+    assert_eq!(t["observability_order"], 0);
+    assert!(t["separability"].as_f64().unwrap() > 0.0);
+    let k = of("K_IPZ");
+    assert_eq!(
+        (&k["role"], &k["sigma"]),
+        (&"considered".into(), &k["prior_sigma"])
+    );
+    assert!(k["separability"].is_null() && k.get("claimed_sigma").is_none());
+
+    let budget = document["budget"].as_array().unwrap();
+    assert_eq!(budget.len(), 6);
+    let rms_sigma = document["rms_sigma_deg_per_h"].as_f64().unwrap();
+    for group in budget {
+        let error = group["rms_error_if_ignored_deg_per_h"].as_f64().unwrap();
+        let ratio = group["ratio"].as_f64().unwrap();
+        assert!((ratio * rms_sigma - error).abs() <= 1e-12 * error);
+        let worst = group["worst"]["ratio"].as_f64().unwrap();
+        assert!(worst >= 0.0 && group["worst"]["name"].is_string());
+    }
+    assert_eq!(document["inputs"]["errors"]["parameter"]["K_1X"], 100.0);
+    assert_eq!(document["inputs"]["azimuth"]["noise_arcsec"], 20.0);
+    // The document is the input of its own repetition.
+    let again: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    assert_eq!(again, document);
+    super::schemas::validate_evaluation(&document);
+}
+
 #[test]
 fn what_is_unobservable_is_said_in_words_and_null_in_json() {
     let desk = Desk::new();

@@ -48,6 +48,12 @@ fn validate(kind: DocumentKind, document: &Value) {
     );
 }
 
+/// Of a platform with more than the twelve coefficients.
+pub fn validate_evaluation(document: &Value) {
+    validate(DocumentKind::Evaluation, document);
+    validate(DocumentKind::Platform, &document["inputs"]);
+}
+
 #[test]
 fn every_document_validates_against_its_schema() {
     let desk = Desk::new();

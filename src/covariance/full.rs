@@ -1,0 +1,259 @@
+//! What is known of all parameters at the end of a test, by a filter that may not know of some.
+//!
+//! With E the information of (estimated e, considered c) without c's prior, N = E_ee⁻¹ is what the
+//! filter claims and B = −N E_ec what an error of c does to its estimates. The truth is
+//! P = N + B Σ_c Bᵀ, Σ_c the prior covariance of c. In factored form, E = RᵀR with e first,
+//! N = R_ee⁻¹ R_ee⁻ᵀ and B = −R_ee⁻¹ R_ec: c may be known from nowhere.
+//!
+//! The **budget** says the same of every group of `[errors]`: what a filter would add that ignored it
+//! and estimated the rest.
+
+use nalgebra::{DMatrix, Matrix3};
+
+use super::{CovarianceRoot, EndCovariance};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::model::{ErrorModel, Role};
+
+/// The covariance of everything at the end of a schedule.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FullCovariance {
+    /// Of the twelve coefficients and of ψ^n: the truth.
+    pub end: EndCovariance,
+    /// Of all estimated parameters, each in its unit: the truth, P.
+    pub parameters: DMatrix<f64>,
+    /// What the filter claims of them, N; the same where nothing is considered.
+    pub claimed: DMatrix<f64>,
+    /// What ignoring each group adds.
+    pub budget: Vec<IgnoredGroup>,
+}
+
+/// What a filter adds that ignores a group of parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IgnoredGroup {
+    /// The key of the group in `[errors]`.
+    pub group: &'static str,
+    /// Whether it is ignored already.
+    pub role: Role,
+    /// 1σ of the error that it causes in each of the twelve coefficients, °/h.
+    pub error_deg_per_h: CoefficientVector,
+}
+
+impl IgnoredGroup {
+    /// √(mean of their squares), °/h.
+    pub fn rms_error_deg_per_h(&self) -> f64 {
+        (self.error_deg_per_h.norm_squared() / COEFFICIENTS as f64).sqrt()
+    }
+}
+
+/// What a route comes to, in the parameters' units.
+pub(super) struct Outcome {
+    /// The parameter that each row belongs to; the twelve coefficients come last.
+    pub pivots: Vec<usize>,
+    /// L with N = L Lᵀ, upper triangular in this order.
+    pub root: DMatrix<f64>,
+    /// B Σ_c^½, a column for each considered parameter.
+    pub bias: DMatrix<f64>,
+    /// Of ψ^n: the truth, arcsec².
+    pub misalignment: Matrix3<f64>,
+    pub budget: Vec<IgnoredGroup>,
+}
+
+/// The twelve coefficients.
+pub(super) fn coefficients() -> Vec<usize> {
+    (0..COEFFICIENTS).collect()
+}
+
+/// A filter that is asked about: the parameters that it estimates but for the twelve coefficients,
+/// and those that it ignores.
+pub(super) struct Question {
+    pub others: Vec<usize>,
+    pub ignored: Vec<usize>,
+}
+
+impl Question {
+    /// The filter of the platform.
+    pub fn of(errors: &ErrorModel) -> Self {
+        let estimated = errors.estimated();
+        Self {
+            others: (COEFFICIENTS..estimated).collect(),
+            ignored: (estimated..errors.parameters().len()).collect(),
+        }
+    }
+
+    /// Those of the budget: for each group and role a filter that ignores it.
+    pub fn of_budget(errors: &ErrorModel) -> Vec<(&'static str, Role, Self)> {
+        let parameters = errors.parameters();
+        let mut questions: Vec<(&'static str, Role, Self)> = Vec::new();
+        for p in &parameters[COEFFICIENTS..] {
+            let asked =
+                |(group, role, _): &(&str, Role, Self)| (*group, *role) == (p.group, p.role);
+            if questions.iter().any(asked) {
+                continue;
+            }
+            let all = COEFFICIENTS..parameters.len();
+            let (ignored, rest): (Vec<usize>, Vec<usize>) = all.partition(|k| {
+                let other = &parameters[*k];
+                (other.group, other.role) == (p.group, p.role)
+            });
+            let estimated = |k: &usize| parameters[*k].role == Role::Estimated;
+            let others = rest.into_iter().filter(estimated).collect();
+            questions.push((p.group, p.role, Self { others, ignored }));
+        }
+        questions
+    }
+}
+
+/// 1σ of what the rows of `bias` make of the twelve coefficients.
+pub(super) fn errors_of_coefficients(pivots: &[usize], bias: &DMatrix<f64>) -> CoefficientVector {
+    let mut errors = CoefficientVector::zeros();
+    for (row, &parameter) in pivots.iter().enumerate() {
+        if parameter < COEFFICIENTS {
+            errors[parameter] = bias.row(row).norm();
+        }
+    }
+    errors
+}
+
+impl FullCovariance {
+    pub(super) fn new(outcome: Outcome) -> Self {
+        let Outcome {
+            pivots,
+            root,
+            bias,
+            misalignment,
+            budget,
+        } = outcome;
+        let first = pivots.len() - COEFFICIENTS;
+        let coefficient_root = coefficient_root(&pivots[first..], &root, &bias);
+        let matrix = coefficient_root.matrix();
+        let claimed = &root * root.transpose();
+        let truth = &claimed + &bias * bias.transpose();
+        let in_order = |m: &DMatrix<f64>| {
+            let mut ordered = DMatrix::zeros(pivots.len(), pivots.len());
+            for (i, &a) in pivots.iter().enumerate() {
+                for (j, &b) in pivots.iter().enumerate() {
+                    ordered[(a, b)] = m[(i, j)];
+                }
+            }
+            ordered
+        };
+        Self {
+            end: EndCovariance {
+                coefficients: matrix * matrix.transpose(),
+                root: coefficient_root,
+                misalignment,
+            },
+            parameters: in_order(&truth),
+            claimed: in_order(&claimed),
+            budget,
+        }
+    }
+
+    /// Of the twelve coefficients where there is nothing else.
+    pub(crate) fn of_coefficients(end: EndCovariance) -> Self {
+        let parameters =
+            DMatrix::from_fn(COEFFICIENTS, COEFFICIENTS, |i, j| end.coefficients[(i, j)]);
+        Self {
+            claimed: parameters.clone(),
+            parameters,
+            budget: Vec::new(),
+            end,
+        }
+    }
+
+    /// Whether every number is one.
+    pub(super) fn is_finite(&self) -> bool {
+        let end = self
+            .end
+            .coefficients
+            .iter()
+            .chain(self.end.misalignment.iter());
+        let all = end.chain(self.parameters.iter()).chain(self.claimed.iter());
+        let budget = self.budget.iter().flat_map(|g| g.error_deg_per_h.iter());
+        all.chain(budget).all(|v| v.is_finite())
+    }
+
+    /// 1σ of every estimated parameter in its unit: the truth.
+    pub fn sigma(&self) -> Vec<f64> {
+        self.parameters
+            .diagonal()
+            .iter()
+            .map(|v| v.sqrt())
+            .collect()
+    }
+
+    /// 1σ of every estimated parameter in its unit: what the filter claims.
+    pub fn claimed_sigma(&self) -> Vec<f64> {
+        self.claimed.diagonal().iter().map(|v| v.sqrt()).collect()
+    }
+}
+
+/// A root of the truth of the twelve coefficients, upper triangular in the order of their pivots.
+fn coefficient_root(pivots: &[usize], root: &DMatrix<f64>, bias: &DMatrix<f64>) -> CovarianceRoot {
+    let first = root.nrows() - COEFFICIENTS;
+    let own = root.view((first, first), (COEFFICIENTS, COEFFICIENTS));
+    let mut triangle = CoefficientMatrix::from_fn(|i, j| own[(i, j)]);
+    if bias.ncols() > 0 {
+        // [L B] [L B]ᵀ by one triangle, from the last row up: with J the reversal,
+        // (J [L B])ᵀ = Q R gives [L B][L B]ᵀ = (J Rᵀ J)(J R J).
+        let both = DMatrix::from_fn(COEFFICIENTS + bias.ncols(), COEFFICIENTS, |i, j| {
+            let row = COEFFICIENTS - 1 - j;
+            match i.checked_sub(COEFFICIENTS) {
+                None => own[(row, i)],
+                Some(considered) => bias[(first + row, considered)],
+            }
+        });
+        let r = both.qr().r();
+        let last = COEFFICIENTS - 1;
+        triangle = CoefficientMatrix::from_fn(|i, j| r[(last - j, last - i)]);
+    }
+    let mut matrix = CoefficientMatrix::zeros();
+    for (k, &coefficient) in pivots.iter().enumerate() {
+        matrix.set_row(coefficient, &triangle.row(k));
+    }
+    CovarianceRoot::new(matrix, std::array::from_fn(|k| pivots[k]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_root_of_the_truth_is_its_root() {
+        let size = COEFFICIENTS + 2;
+        let root = DMatrix::from_fn(size, size, |i, j| match i <= j {
+            true => 1.0 + ((3 * i + 7 * j) as f64).sin(),
+            false => 0.0,
+        });
+        let bias = DMatrix::from_fn(size, 3, |i, j| ((i * i + 5 * j) as f64).cos());
+        let pivots: Vec<usize> = [13, 12]
+            .into_iter()
+            .chain((0..COEFFICIENTS).rev())
+            .collect();
+        for bias in [DMatrix::zeros(size, 0), bias] {
+            let full = FullCovariance::new(Outcome {
+                pivots: pivots.clone(),
+                root: root.clone(),
+                bias: bias.clone(),
+                misalignment: Matrix3::identity(),
+                budget: Vec::new(),
+            });
+            let truth = &root * root.transpose() + &bias * bias.transpose();
+            for (i, &a) in pivots.iter().enumerate() {
+                for (j, &b) in pivots.iter().enumerate() {
+                    let found = full.parameters[(a, b)];
+                    assert!((found - truth[(i, j)]).abs() < 1e-13);
+                    if a < COEFFICIENTS && b < COEFFICIENTS {
+                        let found = full.end.coefficients[(a, b)];
+                        assert!((found - truth[(i, j)]).abs() < 1e-12, "{a} {b}");
+                    }
+                }
+            }
+            // The determinant is that of the triangle.
+            let expected = full.end.coefficients.determinant().ln();
+            let (found, open) = full.end.root.log_determinant();
+            assert_eq!(open, COEFFICIENTS);
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+}

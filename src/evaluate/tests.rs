@@ -1,0 +1,215 @@
+use super::*;
+use crate::attitude::Position;
+use crate::drift::DriftCoefficient;
+use crate::error::Error;
+use crate::observability::Order;
+use crate::platform::{AxisValue, GSensitivePrior, OutputAxis, PlatformConfig};
+use crate::schedule::ScheduledPosition;
+
+fn schedule() -> Schedule {
+    let positions = [
+        ([10.0, 20.0, 30.0], 604.0),
+        ([-80.0, 65.0, 140.0], 1300.0),
+        ([150.0, -40.0, -75.0], 955.0),
+        ([35.0, 110.0, 5.0], 777.0),
+    ];
+    let held = positions
+        .map(|([a, b, c], dwell_s)| ScheduledPosition::new(Position::from_deg(a, b, c), dwell_s));
+    Schedule::new(held.into()).unwrap()
+}
+
+fn evaluator(slews: bool) -> Evaluator {
+    let mut config = PlatformConfig::default();
+    if slews {
+        config.motion.slew_rate_deg_per_s = Some(0.7);
+        config.motion.measure_moves = true;
+    }
+    Evaluator::new(config.check().unwrap(), Objective::default())
+}
+
+fn refused(instrument: Instrument) -> Error {
+    let found = evaluator(false).judged_on(instrument).evaluate(&schedule());
+    let error = found.unwrap_err();
+    assert!(error.is_disagreement(), "{error}");
+    assert!(
+        evaluator(true)
+            .judged_on(instrument)
+            .evaluate(&schedule())
+            .unwrap_err()
+            .is_disagreement()
+    );
+    error
+}
+
+#[test]
+fn a_fault_planted_in_the_filter_is_refused_by_name() {
+    let named = |error: &Error| {
+        let all = DriftCoefficient::ALL.map(DriftCoefficient::name);
+        let psi = MISALIGNMENT_NAMES;
+        let mut names = all.iter().chain(&psi);
+        assert!(names.any(|n| error.to_string().contains(n)), "{error}");
+    };
+    for gyro in 0..3 {
+        // A wrong axis: input and output exchanged, or the spin axis along the input axis.
+        let mut wrong = Instrument::PAPER;
+        wrong.axes[gyro].swap(0, 1);
+        named(&refused(wrong));
+        let mut wrong = Instrument::PAPER;
+        wrong.axes[gyro][2] = wrong.axes[gyro][0];
+        named(&refused(wrong));
+        // The sign of one coefficient: σ does not know it, correlations do.
+        for kind in 0..3 {
+            let mut wrong = Instrument::PAPER;
+            wrong.axes[gyro][kind] = wrong.axes[gyro][kind].map(|v| -v);
+            let error = refused(wrong).to_string();
+            let coefficient = DriftCoefficient::ALL[3 * (1 + kind) + gyro].name();
+            assert!(error.contains(coefficient), "{coefficient}: {error}");
+        }
+    }
+    // The order of the turns.
+    named(&refused(Instrument {
+        turns: [2, 1, 0],
+        ..Instrument::PAPER
+    }));
+    // A measurement at the end of a rest that is shorter than a period.
+    named(&refused(Instrument {
+        split: |duration_s, period_s| ((duration_s / period_s).ceil() as usize, 0.0),
+        ..Instrument::PAPER
+    }));
+    // A period too few.
+    named(&refused(Instrument {
+        split: |duration_s, period_s| {
+            let periods = ((duration_s / period_s) as usize).saturating_sub(1);
+            (periods, duration_s - periods as f64 * period_s)
+        },
+        ..Instrument::PAPER
+    }));
+}
+
+#[test]
+fn a_fault_is_not_taken_for_lost_digits_nor_hidden_by_them() {
+    for sigma in [1e2, 1e6, 1e10] {
+        let mut config = PlatformConfig::default();
+        config.prior.constant_drift_deg_per_h = AxisValue::All(sigma);
+        config.prior.g_sensitive_drift_deg_per_h_per_g =
+            GSensitivePrior::All(AxisValue::All(sigma));
+        let evaluator = || Evaluator::new(config.check().unwrap(), Objective::default());
+        let right = evaluator().evaluate(&schedule()).unwrap();
+        assert_eq!(
+            right.precision == Precision::Extended,
+            sigma > 1e5,
+            "{sigma:e}"
+        );
+        let mut wrong = Instrument::PAPER;
+        wrong.axes[1].swap(0, 1);
+        let found = evaluator().judged_on(wrong).evaluate(&schedule());
+        assert!(found.unwrap_err().is_disagreement(), "{sigma:e}");
+    }
+}
+
+/// A platform with every group, D_OO among them, half of a quadratic group known only in part.
+fn full() -> PlatformConfig {
+    let mut config = PlatformConfig::default();
+    let errors = &mut config.errors.estimated;
+    let all = |sigma: f64| Some(AxisValue::All(sigma));
+    errors.torquer_scale_factor_ppm = all(1000.0);
+    errors.torquer_misalignment_arcsec = all(60.0);
+    errors.quadratic_drift_deg_per_h_per_g2 = all(0.1);
+    errors.quadratic_output_drift_deg_per_h_per_g2 = all(0.1);
+    errors.accelerometer_bias_ug = all(100.0);
+    errors.accelerometer_scale_factor_ppm = all(200.0);
+    errors.local_gravity_ug = Some(10.0);
+    config
+}
+
+#[test]
+fn what_cannot_be_told_apart_has_no_order_and_is_computed_all_the_same() {
+    // Enough positions for all but what no schedule can tell.
+    let mut random = 0.37_f64;
+    let mut angle = || {
+        random = (random * 997.0 + 0.123).fract();
+        360.0 * random - 180.0
+    };
+    let held = (0..24)
+        .map(|_| ScheduledPosition::new(Position::from_deg(angle(), angle(), angle()), 600.0));
+    let schedule = Schedule::new(held.collect()).unwrap();
+    let evaluator = Evaluator::new(full().check().unwrap(), Objective::default());
+    let evaluation = evaluator.evaluate(&schedule).unwrap();
+    let of = |name: &str| {
+        let mut all = evaluation.parameters.iter();
+        all.find(|p| p.parameter.name == name).unwrap()
+    };
+    // K_1X + K_1Y + K_1Z against G; D_F against D_II + D_OO + D_SS.
+    for name in ["K_1X", "K_1Z", "G", "D_FX", "D_IIY", "D_SSZ", "D_OOX"] {
+        assert_eq!(of(name).separability, Some(0.0), "{name}");
+        assert!(of(name).sigma > 0.0 && of(name).sigma.is_finite());
+    }
+    for name in ["K_1Y", "G", "D_OOX"] {
+        assert_eq!(of(name).order, None, "{name}");
+    }
+    for (name, order) in [
+        ("K_0Y", Order::Zero),
+        ("T_XX", Order::Zero),
+        ("T_ZY", Order::Zero),
+        ("D_OSX", Order::First),
+        ("D_IX", Order::Second),
+        // The larger trace theorem: D_IIX − D_ISY + D_IOZ is vertical at every attitude.
+        ("D_IOZ", Order::Second),
+    ] {
+        assert_eq!(of(name).order, Some(order), "{name}");
+        let separability = of(name).separability.unwrap();
+        assert!(separability > 0.0 && separability <= 1.0, "{name}");
+    }
+    assert!(evaluation.agreement < 1e-9);
+    assert_eq!(evaluation.budget.len(), 7);
+}
+
+#[test]
+fn an_interrupted_test_of_a_full_platform_is_the_whole() {
+    let mut config = full();
+    config.motion.slew_rate_deg_per_s = Some(0.8);
+    config.motion.settle_s = 20.0;
+    config
+        .errors
+        .considered
+        .parameter
+        .insert("M_ZX".to_owned(), 40.0);
+    let platform = config.check().unwrap();
+    let all = schedule();
+    let (done, rest) = all.positions().split_at(2);
+    let part = |positions: &[ScheduledPosition]| Schedule::new(positions.to_vec()).unwrap();
+    let whole = Evaluator::new(platform.clone(), Objective::default());
+    let whole = whole.evaluate(&all).unwrap();
+    let interrupted = platform.interrupted_after(part(done)).unwrap();
+    let found = Evaluator::new(interrupted, Objective::default());
+    let found = found.evaluate(&part(rest)).unwrap();
+    assert_eq!(found.end, whole.end);
+    assert_eq!(found.parameters, whole.parameters);
+    assert_eq!(found.budget, whole.budget);
+    assert!(
+        whole
+            .parameters
+            .iter()
+            .all(|p| p.claimed_sigma.is_some_and(|c| c <= p.sigma) || p.parameter.name == "M_ZX")
+    );
+}
+
+#[test]
+fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
+    let evaluator = || {
+        let mut config = full();
+        config.gyro.output_axis.x = Some(OutputAxis::Named("+y".to_owned()));
+        config.motion.slew_rate_deg_per_s = Some(0.8);
+        Evaluator::new(config.check().unwrap(), Objective::default())
+    };
+    assert!(evaluator().evaluate(&schedule()).unwrap().agreement < 1e-7);
+    // The paper's mounting, and the turns of the gimbals in another order.
+    let wrong = Instrument {
+        turns: [2, 1, 0],
+        ..Instrument::of(evaluator().platform())
+    };
+    for wrong in [Instrument::PAPER, wrong] {
+        let found = evaluator().judged_on(wrong).evaluate(&schedule());
+        assert!(found.unwrap_err().is_disagreement());
+    }
+}
