@@ -9,7 +9,9 @@ use crate::motion::{Leg, Timeline};
 use crate::platform::{Platform, Repositioning};
 use crate::report::numbers::{number, optional, seconds, separability};
 use crate::results::schema::DocumentKind;
-use crate::results::{BaselineRecord, BoundDocument, EvaluationDocument, ParetoRecord, RoleRecord};
+use crate::results::{
+    BaselineRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord, RoleRecord,
+};
 use crate::schedule::standard::StandardScheme;
 
 /// How a column is aligned.
