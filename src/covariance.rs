@@ -6,12 +6,14 @@
 //! a schedule is a short [`chain`] of them, at a cost independent of how long the dwells are:
 //!
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
-//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
-//!   and, where those are lost, in numbers of 32 digits;
-//! - [`gradient`]: its reverse mode;
+//! - [`chain`]: a schedule through the elements (Friedland's separated bias), over numbers of 16 and of
+//!   32 digits: `twelve` for the coefficients alone, as searches take them, `selection` for all that a
+//!   platform has;
+//! - [`full`]: what follows for all parameters, those that a filter does not know of included;
+//! - [`gradient`]: the reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
-//! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
-//!   own, for the convergence history and to check every winner; it says what the two share.
+//! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude, gyro axes and terms of
+//!   its own, for the convergence history and to check every winner; it says what the two share.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 

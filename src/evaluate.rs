@@ -355,8 +355,9 @@ impl Evaluator {
         const ROUNDINGS: f64 = 1e3;
         let noise = self.model.noise_variance.sqrt();
         let psi = self.model.prior_psi.diagonal().map(|v| v.sqrt() / noise);
-        // A misalignment known exactly is one far below the noise to the filter.
-        let told_of_psi = psi.map(|s| s.max(1.0 / s.max(f64::KNOWN))).max();
+        // Of a misalignment told s times better than its prior, I + R11 P R11ᵀ holds both 1 and s². One
+        // known exactly is one far below the noise to the filter.
+        let told_of_psi = psi.map(|s| (s * s).max(1.0 / s.max(f64::KNOWN))).max();
         let rounding = ROUNDINGS * f64::EPSILON * told.max(told_of_psi);
         // From the size of σ on, nothing is left of it; also where the rows overflow.
         rounding.is_nan() || rounding >= 1.0 || found.difference <= rounding

@@ -49,7 +49,7 @@ impl Mounting {
     }
 
     /// What turns A of the paper's mounting into that of this one: A · this.
-    pub(crate) fn from_the_papers(&self) -> CoefficientMatrix {
+    pub(crate) fn mixing_of_the_papers(&self) -> CoefficientMatrix {
         let mut mixing = CoefficientMatrix::identity();
         for gyro in 0..3 {
             for to in 1..3 {
@@ -72,7 +72,7 @@ mod tests {
     fn the_papers_mounting_is_that_of_its_output_axes() {
         let output = [[0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]];
         assert_eq!(Mounting::of_output_axes(output), Mounting::PAPER);
-        let same = Mounting::PAPER.from_the_papers();
+        let same = Mounting::PAPER.mixing_of_the_papers();
         assert_eq!(same, CoefficientMatrix::identity());
     }
 
@@ -84,7 +84,7 @@ mod tests {
             let [i, o, s] = axes.map(nalgebra::Vector3::from);
             assert_eq!(i.cross(&o), s);
         }
-        let mixing = mounting.from_the_papers();
+        let mixing = mounting.mixing_of_the_papers();
         let square = mixing.transpose() * mixing;
         assert!((square - CoefficientMatrix::identity()).amax() < 1e-15);
     }

@@ -76,8 +76,11 @@ pub(crate) fn of_parameters(
 fn separability(triangle: &DMatrix<f64>) -> Vec<f64> {
     let lengths: Vec<f64> = triangle.column_iter().map(|c| c.norm()).collect();
     let seen: Vec<usize> = (0..lengths.len()).filter(|&j| lengths[j] > 0.0).collect();
-    let unit = DMatrix::from_fn(triangle.nrows(), seen.len(), |i, j| {
-        triangle[(i, seen[j])] / lengths[seen[j]]
+    // With fewer rows than columns the decomposition would leave out directions without information.
+    let height = triangle.nrows().max(seen.len());
+    let unit = DMatrix::from_fn(height, seen.len(), |i, j| match i < triangle.nrows() {
+        true => triangle[(i, seen[j])] / lengths[seen[j]],
+        false => 0.0,
     });
     let mut all = vec![0.0; lengths.len()];
     // It converges on numbers that are finite, and these are.

@@ -137,9 +137,9 @@ const FULL: &str = "[motion]\nslew_rate_deg_per_s = 0.5\nsettle_s = 30\n\
 #[test]
 fn evaluate_shows_every_parameter_by_group_and_the_budget() {
     let desk = Desk::new();
-    desk.write("s.csv", SCHEDULE);
+    desk.done(&["standard", "icosahedron-12", "-o", "s.json"]);
     desk.write("p.toml", FULL);
-    let report = desk.done(&["evaluate", "-s", "s.csv", "-p", "p.toml"]);
+    let report = desk.done(&["evaluate", "-s", "s.json", "-p", "p.toml"]);
     for part in [
         "torquer_misalignment_arcsec",
         "accelerometer_cross_coupling_ug_per_g2, not known to the filter",
@@ -154,7 +154,7 @@ fn evaluate_shows_every_parameter_by_group_and_the_budget() {
     }
     assert!(report.lines().all(|l| l.chars().count() <= 80), "{report}");
 
-    let args = ["evaluate", "-s", "s.csv", "-p", "p.toml", "--json"];
+    let args = ["evaluate", "-s", "s.json", "-p", "p.toml", "--json"];
     let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
     has_evaluation_fields(&document);
     let parameters = document["parameters"].as_array().unwrap();
