@@ -211,3 +211,86 @@ impl fmt::Display for Reason {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn missed() -> Vec<MissedSpecification> {
+        [
+            (DriftCoefficient::FX, 0.003),
+            (DriftCoefficient::IZ, 0.0125),
+        ]
+        .map(|(coefficient, sigma_deg_per_h)| MissedSpecification {
+            coefficient,
+            sigma_deg_per_h,
+            spec_deg_per_h: 0.002,
+        })
+        .into()
+    }
+
+    #[test]
+    fn reasons_have_the_words_that_documents_have() {
+        let listed = "D_FX (3.000e-3 > 2.000e-3 deg/h), D_IZ (1.250e-2 > 2.000e-3 deg/h)";
+        let not_in_time = |unobservable: Unobservable, enough: EnoughTime| Reason::NotInTime {
+            unobservable,
+            allowed_s: 3600.0,
+            missed: missed(),
+            times_as_wide: 6.25,
+            enough,
+        };
+        let blind = Unobservable {
+            by_this_schedule: vec![DriftCoefficient::OY],
+            ..Unobservable::default()
+        };
+        let missed_in_time = format!(
+            "the specification is not met in 3600 s, missed by {listed}; a specification 6.2500 \
+             times as wide can be; "
+        );
+        for (reason, words) in [
+            (
+                Reason::Finished { missed: missed() },
+                format!(
+                    "all starts were screened, the best refined to convergence, and the winner was \
+                     confirmed by the step-by-step filter; the specification is missed by {listed}"
+                ),
+            ),
+            (
+                Reason::SpecificationMissed {
+                    total_time_s: 3600.0,
+                    missed: missed(),
+                    times_as_wide: 6.25,
+                },
+                format!(
+                    "no schedule found meets the specification in 3600 s: missed by {listed}; one \
+                     6.2500 times as wide is met"
+                ),
+            ),
+            (
+                not_in_time(Unobservable::default(), EnoughTime::Found(13_317.2)),
+                format!("{missed_in_time}the specification can be met in 13317 s"),
+            ),
+            (
+                not_in_time(blind.clone(), EnoughTime::NotFound),
+                format!(
+                    "the schedule found does not observe D_OY; {missed_in_time}no test of any \
+                     length that was tried meets it"
+                ),
+            ),
+            (
+                Reason::Unobservable(blind),
+                "the schedule found does not observe D_OY".to_owned(),
+            ),
+            (
+                Reason::SeparabilityMissed {
+                    minimum: 0.1,
+                    nearest: 0.0123456,
+                },
+                "no schedule found reaches the minimum separability 0.1; the nearest has 0.0123"
+                    .to_owned(),
+            ),
+        ] {
+            assert_eq!(reason.to_string(), words);
+        }
+    }
+}
