@@ -44,7 +44,7 @@ impl Mounting {
         let papers = drift_matrix(attitude);
         match *self == Self::PAPER {
             true => papers,
-            false => papers * self.from_the_papers(),
+            false => papers * self.mixing_of_the_papers(),
         }
     }
 
