@@ -28,9 +28,8 @@
 //! to the sixteenth digit. So attitudes, kernels and chain can be worked out in numbers of 32
 //! digits as well; drift integrals of moves are those of doubles.
 //!
-//! What the parameters are is known to [`Effects`] alone: [`twelve`](super::twelve) are the coefficients
-//! of the drift, in doubles, as searches take them; [`selection`](super::selection) is all that a
-//! platform has.
+//! What the parameters are is known to `Effects` alone: `twelve` are the coefficients of the drift, in
+//! doubles, as searches take them; `selection` is all that a platform has.
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, Matrix3, OMatrix, U3};

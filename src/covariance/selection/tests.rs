@@ -199,3 +199,32 @@ fn the_truth_is_the_claim_and_the_shares_of_what_is_considered() {
         }
     }
 }
+
+/// ε = λ(u) u with u the vertical in the platform: what no channel of order 1 ever sees.
+#[test]
+fn drift_along_the_vertical_is_vertical_at_every_attitude() {
+    let platform = configs()[0].check().unwrap();
+    let model = CovarianceModel::new(&platform);
+    let parameters = platform.errors().parameters();
+    let combinations: [[(&str, f64); 3]; 4] = [
+        [("D_IX", 1.0), ("D_IY", 1.0), ("D_IZ", 1.0)],
+        [("D_IIX", 1.0), ("D_ISY", -1.0), ("D_IOZ", 1.0)],
+        [("D_ISX", 1.0), ("D_IIY", 1.0), ("D_ISZ", 1.0)],
+        [("D_IOX", 1.0), ("D_IOY", 1.0), ("D_IIZ", -1.0)],
+    ];
+    for k in 0..50 {
+        let k = f64::from(k);
+        let attitude = Position::from_deg(37.0 * k, 11.0 * k * k, -53.0 * k).attitude();
+        let a = model.drift_by_gravity(&attitude);
+        for combination in &combinations {
+            let mut drift = Vector3::zeros();
+            for (name, factor) in combination {
+                let of = |p: &crate::model::Parameter| p.name == *name;
+                let column = parameters.iter().position(of).unwrap();
+                drift += a.column(column) * *factor;
+            }
+            let horizontal = drift[NORTH].abs().max(drift[EAST].abs());
+            assert!(horizontal < 1e-14, "{combination:?}: {drift}");
+        }
+    }
+}
