@@ -27,13 +27,15 @@ fn a_start_leaves_time_for_staying_there() {
             let search = ["search", "start.toml", "--json", "-q", "--total-time-s"];
             let run = desk.run(&[&search[..], &[&total_s]].concat());
             let found: Value = serde_json::from_str(&run.stdout).unwrap();
-            // So short a test observes everything only while the platform turns and measures.
+            // So short a test observes everything only while the platform turns and measures, or in
+            // dwells of a few periods.
             let missed = found["unobservable"]["by_this_schedule"]
                 .as_array()
                 .unwrap();
             let code = i32::from(!missed.is_empty());
             assert_eq!(run.code, Some(code), "{extra}{total_s}: {}", run.stderr);
-            assert!(!missed.is_empty() || extra.contains("measure_moves"));
+            let is_quick = extra.contains("measure_moves") || extra.contains("min_dwell_s = 0");
+            assert!(!missed.is_empty() || is_quick);
             let taken_s = found["evaluation"]["total_time_s"].as_f64().unwrap();
             assert!(taken_s <= least_s + more_s + 1e-6, "{extra}{total_s}");
             let start = &found["schedule"]["positions"][0];
