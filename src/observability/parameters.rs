@@ -76,13 +76,16 @@ pub(crate) fn of_parameters(
 fn separability(triangle: &DMatrix<f64>) -> Vec<f64> {
     let lengths: Vec<f64> = triangle.column_iter().map(|c| c.norm()).collect();
     let seen: Vec<usize> = (0..lengths.len()).filter(|&j| lengths[j] > 0.0).collect();
+    let mut all = vec![0.0; lengths.len()];
+    if seen.is_empty() {
+        return all;
+    }
     // With fewer rows than columns the decomposition would leave out directions without information.
     let height = triangle.nrows().max(seen.len());
     let unit = DMatrix::from_fn(height, seen.len(), |i, j| match i < triangle.nrows() {
         true => triangle[(i, seen[j])] / lengths[seen[j]],
         false => 0.0,
     });
-    let mut all = vec![0.0; lengths.len()];
     // It converges on numbers that are finite, and these are.
     let Some(svd) = unit.try_svd(false, true, f64::EPSILON, 0) else {
         return all;
@@ -227,5 +230,8 @@ mod tests {
         for (found, expected) in found.iter().zip([0.5, 0.5, 0.0, 0.0, 1.0, 0.0]) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
+        // Nothing is told of what is known exactly.
+        assert_eq!(separability(&DMatrix::zeros(3, 3)), [0.0; 3]);
+        assert!(separability(&DMatrix::zeros(0, 0)).is_empty());
     }
 }
