@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
-use crate::drift::{COEFFICIENTS, CoefficientVector, drift_matrix};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, drift_matrix};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
@@ -124,7 +124,7 @@ impl Suggestion {
         let platform = evaluator.platform();
         let timeline = Timeline::new(platform, schedule).map_err(NoSuggestion::because)?;
         let dwell_s = new_dwell_s(platform, schedule);
-        let prospect = Prospect::new(evaluator, &timeline, &evaluation.observability, dwell_s)
+        let prospect = Prospect::new(evaluator, &timeline, evaluation, dwell_s)
             .map_err(NoSuggestion::because)?;
         let (position, examined) =
             best_position(platform, |p| prospect.gain(p)).ok_or(NoSuggestion::NoAttitude)?;
@@ -202,9 +202,10 @@ impl Prospect {
     fn new(
         evaluator: &Evaluator,
         timeline: &Timeline,
-        observability: &Observability,
+        evaluation: &Evaluation,
         dwell_s: f64,
     ) -> Result<Self> {
+        let observability = &evaluation.observability;
         let model = evaluator.model();
         let regressor = Regressor::new(model, timeline);
         let covariance = covariance(evaluator, &regressor)?;
@@ -214,7 +215,7 @@ impl Prospect {
         let names = if unobservable {
             names
         } else {
-            target.push(worst(&covariance, &trace));
+            target.push(worst(&covariance, &trace, &evaluation.end.coefficients));
             vec![
                 Combination::from_array(target[0].into())
                     .rounded(crate::observability::weak::NAMED),
@@ -368,7 +369,9 @@ fn unobservable_target(
 }
 
 /// The combination of coefficients known worst, at right angles to the trace.
-fn worst(covariance: &UnknownsMatrix, trace: &Unknowns) -> Unknowns {
+fn worst(covariance: &UnknownsMatrix, trace: &Unknowns, by_filter: &CoefficientMatrix) -> Unknowns {
+    /// Relative distance of variances that are the same but for rounding.
+    const ALIKE: f64 = 1e-6;
     let mut p = *covariance;
     for i in 0..UNKNOWNS {
         p[(i, COEFFICIENTS)] = 0.0;
@@ -376,10 +379,21 @@ fn worst(covariance: &UnknownsMatrix, trace: &Unknowns) -> Unknowns {
     }
     let without = UnknownsMatrix::identity() - trace * trace.transpose();
     let eigen = (without * p * without).symmetric_eigen();
-    eigen
-        .eigenvectors
-        .column(eigen.eigenvalues.imax())
-        .into_owned()
+    let largest = eigen.eigenvalues.max();
+    let alike: Vec<Unknowns> = (0..UNKNOWNS)
+        .filter(|&k| eigen.eigenvalues[k] >= (1.0 - ALIKE) * largest)
+        .map(|k| eigen.eigenvectors.column(k).into_owned())
+        .collect();
+    // Of schemes with symmetries the dwells tell several combinations equally ill; what rounding makes
+    // of them is none to show. The filter, which knows the order of the positions, tells them apart.
+    let of = |u: &Unknowns| CoefficientVector::from_fn(|i, _| u[i]);
+    let variances = DMatrix::from_fn(alike.len(), alike.len(), |a, b| {
+        of(&alike[a]).dot(&(by_filter * of(&alike[b])))
+    });
+    let eigen = variances.symmetric_eigen();
+    let shares = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    let parts = alike.iter().zip(shares.iter());
+    parts.fold(Unknowns::zeros(), |sum, (u, share)| sum + u * *share)
 }
 
 /// Distance of grid points, degrees.

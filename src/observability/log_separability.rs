@@ -250,8 +250,8 @@ fn factor(gram: &mut Square, diagonal: &[f64; UNKNOWNS]) -> [bool; UNKNOWNS] {
     let mut left_out = [false; UNKNOWNS];
     for k in 0..UNKNOWNS {
         let pivot = gram[k][k];
-        // Not `<=`: a pivot that is no number explains nothing either.
-        if !(pivot > OWN * diagonal[k]) {
+        // A pivot that is no number explains nothing either.
+        if pivot.is_nan() || pivot <= OWN * diagonal[k] {
             left_out[k] = true;
             gram[k] = [0.0; WIDTH];
             gram[k][k] = 1.0;
