@@ -251,8 +251,8 @@ mod tests {
             (
                 Reason::Finished { missed: missed() },
                 format!(
-                    "all starts were screened, the best refined to convergence, and the winner was \
-                     confirmed by the step-by-step filter; the specification is missed by {listed}"
+                    "all starts were screened, the best improved until nothing tried made them \
+                     better, and the winner was confirmed by the step-by-step filter; the specification is missed by {listed}"
                 ),
             ),
             (

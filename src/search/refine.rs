@@ -139,7 +139,11 @@ mod tests {
         for slew_rate_deg_per_s in [None, Some(0.5)] {
             let mut config = PlatformConfig::default();
             config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s;
-            let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
+            let objective = Objective {
+                separability_weight: 0.0,
+                ..Objective::default()
+            };
+            let evaluator = Evaluator::new(config.check().unwrap(), objective);
             let problem = SearchProblem {
                 starts: 12,
                 ..SearchProblem::default()
