@@ -21,6 +21,7 @@ use crate::observability::weak::{WeakCombination, weak_combinations};
 use crate::observability::{Observability, Order};
 use crate::schedule::{Schedule, ScheduledPosition};
 use suggest::{NoSuggestion, Suggestion};
+#[cfg(feature = "cli")]
 pub(crate) use unobservable::not_observed;
 pub use unobservable::{USEFUL, Unobservable};
 

@@ -45,6 +45,7 @@ pub use result::{
     BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
     UnobservableRecord,
 };
+#[cfg(feature = "report")]
 pub(crate) use result::{compared, skipped};
 pub use schemes::{SCHEMES_SCHEMA, SchemeListDocument, SchemeRecord};
 pub use simulation::{

@@ -34,6 +34,7 @@ pub fn separability(value: f64) -> String {
     }
 }
 
+#[cfg(feature = "report")]
 /// A value that may be missing.
 pub fn optional<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
     value.map_or_else(|| "-".to_owned(), show)

@@ -1,5 +1,5 @@
 //! Separability of the coefficients by least squares within the row space, for reports; searches
-//! have [`LogSeparability`](super::log_separability::LogSeparability).
+//! have `LogSeparability`.
 //!
 //! With X the weighted rows, columns scaled to length one, separability is
 //! `1/√((XᵀX)⁻¹)_ii`: the inverse of coefficient i's variance inflation.

@@ -6,7 +6,9 @@ use super::bound::{CertificateRecord, front_bounds};
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::counters::CounterRecord;
 use super::evaluation::EvaluationDocument;
-use crate::analysis::{Unobservable, not_observed};
+use crate::analysis::Unobservable;
+#[cfg(feature = "cli")]
+use crate::analysis::not_observed;
 use crate::baseline::Baseline;
 use crate::certificate::Certifier;
 use crate::config::StudyConfig;
@@ -89,6 +91,7 @@ impl UnobservableRecord {
         self.on_this_stand.is_empty() && self.by_this_schedule.is_empty()
     }
 
+    #[cfg(feature = "cli")]
     /// Whether `reason` says nothing but this.
     pub(crate) fn is_all_of(&self, reason: &str) -> bool {
         not_observed(
