@@ -381,7 +381,7 @@ fn worst(covariance: &UnknownsMatrix, trace: &Unknowns, by_filter: &CoefficientM
     let eigen = (without * p * without).symmetric_eigen();
     let largest = eigen.eigenvalues.max();
     let alike: Vec<Unknowns> = (0..UNKNOWNS)
-        .filter(|&k| eigen.eigenvalues[k] >= (1.0 - ALIKE) * largest)
+        .filter(|&k| largest - eigen.eigenvalues[k] <= ALIKE * largest.abs())
         .map(|k| eigen.eigenvectors.column(k).into_owned())
         .collect();
     // Of schemes with symmetries the dwells tell several combinations equally ill; what rounding makes

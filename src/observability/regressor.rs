@@ -10,7 +10,7 @@ use super::order::Order;
 use super::row_space::counts;
 use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::covariance::{CovarianceModel, split_periods};
-use crate::drift::COEFFICIENTS;
+use crate::drift::{COEFFICIENTS, DriftMatrix};
 use crate::model::Mounting;
 use crate::motion::Timeline;
 use serde::{Deserialize, Serialize};
@@ -257,10 +257,9 @@ impl Regressor {
         COEFFICIENTS + usize::from(self.azimuth_unknown)
     }
 
-    /// The row of a channel in a block, weighted by one.
-    pub fn row(&self, block: &RowBlock, channel: Channel) -> [f64; UNKNOWNS] {
+    /// The row of a channel in a block whose drift matrix is `a`, weighted by one.
+    fn row(&self, block: &RowBlock, a: &DriftMatrix, channel: Channel) -> [f64; UNKNOWNS] {
         let axis = channel.axis();
-        let a = self.mounting.drift_matrix(&block.attitude);
         std::array::from_fn(|j| match j {
             COEFFICIENTS if channel == Channel::Z && self.azimuth_unknown => {
                 without_rounding(block.azimuth)
@@ -287,6 +286,7 @@ impl Regressor {
     pub fn tagged(&self, channels: &[Channel]) -> Vec<TaggedRow> {
         let mut rows = Vec::with_capacity(channels.len() * self.blocks.len());
         for block in &self.blocks {
+            let a = self.mounting.drift_matrix(&block.attitude);
             for &channel in channels {
                 let weight = block.weights[channel.axis()];
                 let there = match channel {
@@ -301,7 +301,7 @@ impl Regressor {
                         channel,
                         weight,
                         share: block.share,
-                        row: self.row(block, channel),
+                        row: self.row(block, &a, channel),
                     });
                 }
             }
