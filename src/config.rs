@@ -225,6 +225,7 @@ mod tests {
     use super::*;
     use crate::drift::DriftCoefficient;
     use crate::platform::{AxisValue, ErrorTable, GSensitivePrior, OutputAxis};
+    use crate::testing::assert_refused_by_key;
     use std::collections::BTreeSet;
 
     #[test]
@@ -310,12 +311,7 @@ mod tests {
             let mut config = StudyConfig::default();
             spoil(&mut config);
             let error = config.check().unwrap_err();
-            assert!(error.is_input());
-            assert_eq!(error.key(), Some(key));
-            assert!(
-                error.value().is_some() && error.allowed().is_some(),
-                "{key}"
-            );
+            assert_refused_by_key(&error, key);
         }
     }
 

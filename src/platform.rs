@@ -508,6 +508,7 @@ fn start(deg: [f64; 3], gimbals: &Gimbals) -> Result<Position> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_refused_by_key;
 
     #[test]
     fn default_is_the_papers_section_3() {
@@ -583,12 +584,7 @@ mod tests {
             let mut config = PlatformConfig::default();
             spoil(&mut config);
             let error = config.check().unwrap_err();
-            assert!(error.is_input());
-            assert_eq!(error.key(), Some(key));
-            assert!(
-                error.value().is_some() && error.allowed().is_some(),
-                "{key}"
-            );
+            assert_refused_by_key(&error, key);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What unit tests of several rooms share.
 
+use crate::error::Error;
 use crate::evaluate::{Evaluator, Objective};
 use crate::platform::{Platform, PlatformConfig};
 
@@ -13,6 +14,16 @@ pub(crate) fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
 /// The default objective on the default platform, changed.
 pub(crate) fn evaluator(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
     Evaluator::new(platform(change), Objective::default())
+}
+
+/// Asserts that a value given by the user is refused: by its key, with the value and what is allowed.
+pub(crate) fn assert_refused_by_key(error: &Error, key: &str) {
+    assert!(error.is_input());
+    assert_eq!(error.key(), Some(key));
+    assert!(
+        error.value().is_some() && error.allowed().is_some(),
+        "{key}"
+    );
 }
 
 /// Asserts that `gradient` is that of `f` at `x`, by central differences, to `tolerance` in each
