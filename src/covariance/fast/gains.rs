@@ -296,7 +296,7 @@ impl<A: Arithmetic, L: Legs<A>> Gains<A> for Own<'_, A, L> {
     #[inline(always)]
     fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A> {
         let stretch = self.legs.stretch(leg, index);
-        let passed = self.pass(stretch.interval.length_s);
+        let passed = self.pass(stretch.elapsed_s);
         let p = self.p;
         match stretch.measured {
             Some((weight, _)) => (passed, p, Some(self.measure(weight))),
