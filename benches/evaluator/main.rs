@@ -20,6 +20,7 @@
 
 mod naive;
 mod ratios;
+mod wide;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -34,6 +35,7 @@ use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 fn main() {
     if std::env::args().any(|arg| arg == "--ratios") {
         ratios::print();
+        ratios::print_wide();
     } else {
         divan::main();
     }

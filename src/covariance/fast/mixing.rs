@@ -12,7 +12,7 @@ use crate::drift::{COEFFICIENTS, CoefficientVector};
 
 /// What has an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Instrument {
+pub enum Instrument {
     /// A gyro by its input axis; its error is a drift, in °/h = arcsec/s.
     Gyro(usize),
     /// An accelerometer by its input axis; its error is an angle of tilt, in arcsec.
@@ -22,15 +22,18 @@ pub(crate) enum Instrument {
 /// A share of a parameter in the error of an instrument: `factor` times the feature. Rates are in
 /// rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Term {
+pub struct Term {
+    /// The instrument that has the error.
     pub instrument: Instrument,
+    /// What the error is proportional to.
     pub feature: Feature,
+    /// °/h (gyros) or arcsec (accelerometers) per unit of the parameter and of the feature.
     pub factor: f64,
 }
 
 /// A parameter of the platform's error model.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Parameter {
+pub struct Parameter {
     /// What it does, per unit of it.
     pub terms: Vec<Term>,
     /// 1σ before the test, in its unit.
@@ -39,7 +42,7 @@ pub(crate) struct Parameter {
 
 /// The parameters of a platform by their roles.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Parameters {
+pub struct Parameters {
     /// The drift coefficients, in their order.
     pub coefficients: [Parameter; COEFFICIENTS],
     /// What the filter estimates besides.
@@ -51,8 +54,11 @@ pub(crate) struct Parameters {
 /// Which shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
+    /// [`Torquers`].
     Torquers,
+    /// [`Instruments`].
     Instruments,
+    /// [`Catalogue`].
     Catalogue,
 }
 
@@ -61,15 +67,15 @@ type Column = Vec<(usize, f64)>;
 
 /// How the parameters of a platform are made of the columns of a shape.
 #[derive(Debug, Clone)]
-pub(crate) struct Mixing {
+pub struct Mixing {
     /// The smallest shape that has all columns.
-    pub kind: Kind,
+    pub(super) kind: Kind,
     /// How many parameters are estimated beside the twelve.
-    pub estimated: usize,
+    pub(super) estimated: usize,
     /// How many are considered.
-    pub considered: usize,
+    pub(super) considered: usize,
     /// 1σ of all parameters before the test, in their units.
-    pub prior_sigma: Vec<f64>,
+    pub(super) prior_sigma: Vec<f64>,
     /// Of every pair of parameters (i, j ≥ i), row by row: where its terms end in `terms`.
     ends: Vec<u32>,
     /// Entries of the tiles, and their factors.
@@ -193,7 +199,7 @@ impl Mixing {
     }
 
     /// 1σ of the coefficients before the test, °/h.
-    pub fn coefficient_sigma(&self) -> CoefficientVector {
+    pub(super) fn coefficient_sigma(&self) -> CoefficientVector {
         let first = self.size() - COEFFICIENTS;
         CoefficientVector::from_fn(|i, _| self.prior_sigma[first + i])
     }
@@ -201,7 +207,7 @@ impl Mixing {
     /// Lᵀ E L in units of the prior σ, its upper triangle, row by row, full rows; from the entries of
     /// the tiles.
     #[inline(always)]
-    pub fn information<N: super::arithmetic::Number>(&self, zero: N, tiles: &[N]) -> Vec<N> {
+    pub(super) fn information<N: super::arithmetic::Number>(&self, zero: N, tiles: &[N]) -> Vec<N> {
         let size = self.size();
         let mut out = vec![zero; size * size];
         let (mut pair, mut first) = (0, 0);
@@ -222,7 +228,7 @@ impl Mixing {
 
     /// L Ē Lᵀ over the columns of the shape, full, from Ē over the parameters, full.
     #[inline(always)]
-    pub fn pulled<N: super::arithmetic::Number>(&self, zero: N, adjoint: &[N]) -> Vec<N> {
+    pub(super) fn pulled<N: super::arithmetic::Number>(&self, zero: N, adjoint: &[N]) -> Vec<N> {
         let mut out = vec![zero; self.columns * self.columns];
         for &(from, to, factor) in &self.pulls {
             let to = &mut out[to as usize];
@@ -232,14 +238,14 @@ impl Mixing {
     }
 
     /// Rows over the columns of the shape as rows over the parameters, in units of the prior σ.
-    pub fn row(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub(super) fn row(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
         let columns = self.of.iter();
         let sum = |c: &Column| c.iter().map(|&(at, factor)| of(at) * factor).sum();
         columns.map(sum).collect()
     }
 
     /// A row over the parameters, in units of the prior σ, as one over the columns: times Lᵀ.
-    pub fn columns_of(&self, row: &[f64]) -> Vec<f64> {
+    pub(super) fn columns_of(&self, row: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.columns];
         for (value, column) in row.iter().zip(&self.of) {
             for &(at, factor) in column {

@@ -432,7 +432,7 @@ mod tests {
     use crate::drift::{COEFFICIENTS, DriftMatrix};
     use crate::dynamics::ErrorDynamics;
     use crate::motion::Move;
-    use crate::motion::integral::Panels;
+    use crate::motion::integral::{Panels, half_phase};
 
     fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
         let turn = Turn {
@@ -444,7 +444,7 @@ mod tests {
         (
             turn,
             Interval { start_s, length_s },
-            Panels::of(m, length_s),
+            Panels::of_half_phase(half_phase(m, length_s)),
         )
     }
 

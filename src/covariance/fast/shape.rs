@@ -32,27 +32,40 @@ use crate::attitude::UP;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 #[allow(clippy::upper_case_acronyms, reason = "products of components of g")]
-pub(crate) enum Feature {
-    /// Padding.
+pub enum Feature {
+    /// Nothing.
     Zero,
     /// 1.
     One,
-    /// g_x, and so on.
+    /// g_x of g^c, in g.
     X,
+    /// g_y.
     Y,
+    /// g_z.
     Z,
+    /// g_x².
     XX,
+    /// g_y².
     YY,
+    /// g_z².
     ZZ,
+    /// g_x g_y.
     XY,
+    /// g_x g_z.
     XZ,
+    /// g_y g_z.
     YZ,
+    /// g_x³.
     XXX,
+    /// g_y³.
     YYY,
+    /// g_z³.
     ZZZ,
     /// ω_x of the body against inertial space, rad/s.
     RateX,
+    /// ω_y.
     RateY,
+    /// ω_z.
     RateZ,
 }
 

@@ -84,7 +84,7 @@ enum Wanted<'a> {
 
 /// What the filter knows at the end of a test, and what is true.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct WideEnd {
+pub struct WideEnd {
     /// 1σ of what is estimated, in the order of the mixing, in the parameters' units: as the filter
     /// claims it.
     pub claimed_sigma: Vec<f64>,
@@ -94,6 +94,15 @@ pub(crate) struct WideEnd {
     pub misalignment: Matrix3<f64>,
 }
 
+/// How a value is worked out.
+#[derive(Debug, Clone, Copy, Default)]
+struct How {
+    /// By the rows even where sums of squares keep their digits.
+    by_rows: bool,
+    /// Steps of no length too, as in lanes.
+    in_step: bool,
+}
+
 /// The end of a timeline, and what is wanted of it.
 struct ToEnd<'a, S> {
     model: &'a CovarianceModel,
@@ -101,8 +110,7 @@ struct ToEnd<'a, S> {
     timeline: &'a Timeline,
     rule: TickRule,
     wanted: Wanted<'a>,
-    /// Whether to go by the rows even where sums of squares keep their digits.
-    by_rows: bool,
+    how: How,
     _shape: S,
 }
 
@@ -118,7 +126,7 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
             model,
             timeline: self.timeline,
             rule: self.rule,
-            keep_empty: keeps_tape,
+            keep_empty: keeps_tape || self.how.in_step,
             facts: Facts::of::<S>(),
         };
         let mut tape = take_tape(keeps_tape);
@@ -128,7 +136,7 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
         let posterior = Posterior::new(0.0, mixing, &tiles);
         let sigma = mixing.coefficient_sigma();
         let of = OfPosterior::new(&posterior, &sigma, |v: f64| v);
-        let kept = !self.by_rows && posterior.keeps_digits(|v| v);
+        let kept = !self.how.by_rows && posterior.keeps_digits(|v| v);
         let per_s = 1.0 / (model.period_s * model.noise_variance);
         let value = match self.wanted {
             Wanted::Value(merit) if kept => merit(&of),
@@ -250,7 +258,7 @@ impl CovarianceModel {
         mixing: &'a Mixing,
         timeline: &'a Timeline,
         rule: TickRule,
-        by_rows: bool,
+        how: How,
         wanted: Wanted<'a>,
     ) -> Result<f64> {
         macro_rules! run {
@@ -261,7 +269,7 @@ impl CovarianceModel {
                     timeline,
                     rule,
                     wanted,
-                    by_rows,
+                    how,
                     _shape: $shape,
                 })
             };
@@ -279,14 +287,35 @@ impl CovarianceModel {
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows; what
     /// `merit` returns.
-    pub(crate) fn wide_value(
+    pub fn wide_value(
         &self,
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Result<f64> {
-        self.to_wide_end(mixing, timeline, rule, false, Wanted::Value(&mut merit))
+        self.to_wide_end(
+            mixing,
+            timeline,
+            rule,
+            How::default(),
+            Wanted::Value(&mut merit),
+        )
+    }
+
+    /// The same with the bits that it has in lanes.
+    pub(super) fn wide_value_in_step(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        merit: Merit<'_, f64>,
+    ) -> Result<f64> {
+        let how = How {
+            in_step: true,
+            ..How::default()
+        };
+        self.to_wide_end(mixing, timeline, rule, how, Wanted::Value(merit))
     }
 
     /// As [`CovarianceModel::gradient`], with the parameters of `mixing`.
@@ -294,7 +323,7 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// As [`CovarianceModel::wide_value`].
-    pub(crate) fn wide_gradient(
+    pub fn wide_gradient(
         &self,
         mixing: &Mixing,
         timeline: &Timeline,
@@ -303,7 +332,7 @@ impl CovarianceModel {
     ) -> Result<(f64, Vec<LegGradient>)> {
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
         let wanted = Wanted::Gradient(&mut merit, &mut out);
-        let value = self.to_wide_end(mixing, timeline, rule, false, wanted)?;
+        let value = self.to_wide_end(mixing, timeline, rule, How::default(), wanted)?;
         Ok((value, out))
     }
 
@@ -312,14 +341,20 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// As [`CovarianceModel::wide_value`].
-    pub(crate) fn wide_end(
+    pub fn wide_end(
         &self,
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
     ) -> Result<WideEnd> {
         let mut end = None;
-        self.to_wide_end(mixing, timeline, rule, false, Wanted::End(&mut end))?;
+        self.to_wide_end(
+            mixing,
+            timeline,
+            rule,
+            How::default(),
+            Wanted::End(&mut end),
+        )?;
         end.ok_or_else(not_finite)
     }
 }

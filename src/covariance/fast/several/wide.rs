@@ -11,7 +11,7 @@ use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Work,
 };
 use crate::covariance::fast::course::{self, Legs, Tape};
-use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_lanes};
+use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_registers};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::gains::Own;
 use crate::covariance::fast::mixing::{Kind, Mixing};
@@ -232,7 +232,7 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// Of a timeline: as [`CovarianceModel::wide_value`].
-    pub(crate) fn wide_values(
+    pub fn wide_values(
         &self,
         mixing: &Mixing,
         timelines: &[Timeline],
@@ -252,7 +252,13 @@ impl CovarianceModel {
                     merit: &merit,
                     shape: PhantomData,
                 };
-                run_in_lanes(self.most_lanes, values)
+                // Plain numbers need no lanes of their own.
+                run_in_registers(self.most_lanes, values).unwrap_or_else(|values| {
+                    let alone = |timeline| {
+                        self.wide_value_in_step(mixing, timeline, rule, &mut |p| (values.merit)(p))
+                    };
+                    timelines.iter().map(alone).collect()
+                })
             }};
         }
         match mixing.kind {
@@ -268,7 +274,7 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// Of a timeline: as [`CovarianceModel::wide_gradient`].
-    pub(crate) fn wide_gradients(
+    pub fn wide_gradients(
         &self,
         mixing: &Mixing,
         timelines: &[Timeline],
@@ -302,7 +308,8 @@ impl CovarianceModel {
                         alone: &mut alone,
                         shape: PhantomData,
                     };
-                    run_in_lanes(self.most_lanes, task)
+                    // Worth while in several lanes only.
+                    let _ = run_in_registers(self.most_lanes, task);
                 }};
             }
             match mixing.kind {
