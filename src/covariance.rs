@@ -43,7 +43,7 @@ use fast::arithmetic::MOST_LANES;
 use fast::information::PriorScale;
 pub use fast::mixing::{Instrument, Mixing, Parameter, Parameters, Term};
 pub use fast::shape::Feature;
-pub use fast::wide::WideEnd;
+pub use fast::wide::{WideCovariance, WideEnd, WideSlope};
 use kernel_table::KernelTable;
 pub(crate) use root::Rooted;
 pub use root::{CoefficientCovariance, CovarianceRoot, Slope};

@@ -4,7 +4,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use scheme_opt::internals::covariance::{CoefficientCovariance, TickRule};
+use scheme_opt::internals::covariance::{CoefficientCovariance, TickRule, WideCovariance};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};
 
 use crate::{Case, batch, naive, wide};
@@ -85,13 +85,12 @@ pub fn print_wide() {
     let (_, timelines) = batch(case);
     let many = timelines.len() as f64;
     let rule = TickRule::Relaxed;
-    let log = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
-    let slope =
-        |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+    let log = |p: &dyn WideCovariance| Criterion::rms().log(p, Smoothing::Exact);
+    let slope = |p: &dyn WideCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
     let repeated = |work: &dyn Fn()| time(|| (0..50).for_each(|_| work())) / 50.0;
     let whole = Case::whole(12).timeline(0);
     let by_filter = wide::covariance_trace(&platform, &parameters, &whole);
-    let trace = |p: &dyn CoefficientCovariance| Ok(p.matrix().trace());
+    let trace = |p: &dyn WideCovariance| Ok(p.matrix().trace());
     let found = model.wide_value(&mixing, &whole, TickRule::Filter, trace);
     let found = found.unwrap_or(f64::NAN);
     assert!(

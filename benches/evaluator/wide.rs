@@ -70,6 +70,7 @@ pub fn parameters(platform: &Platform) -> Parameters {
     }
     Parameters {
         coefficients,
+        weighted: Vec::new(),
         estimated,
         considered: Vec::new(),
     }

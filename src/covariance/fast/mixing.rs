@@ -5,10 +5,10 @@
 //! the information on the parameters is Lᵀ E L, worked out once per schedule.
 //!
 //! In a mixing the parameters stand in the order: others that are estimated, those that are only
-//! considered, the twelve drift coefficients.
+//! considered, those that a figure of merit sees besides, the twelve drift coefficients.
 
 use super::shape::{Catalogue, Feature, Instruments, Shape, Torquers};
-use crate::drift::{COEFFICIENTS, CoefficientVector};
+use crate::drift::COEFFICIENTS;
 
 /// What has an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,7 +45,9 @@ pub struct Parameter {
 pub struct Parameters {
     /// The drift coefficients, in their order.
     pub coefficients: [Parameter; COEFFICIENTS],
-    /// What the filter estimates besides.
+    /// What is estimated and seen by figures of merit besides.
+    pub weighted: Vec<Parameter>,
+    /// What is estimated besides.
     pub estimated: Vec<Parameter>,
     /// What the platform has and the filter does not know of.
     pub considered: Vec<Parameter>,
@@ -70,7 +72,7 @@ type Column = Vec<(usize, f64)>;
 pub struct Mixing {
     /// The smallest shape that has all columns.
     pub(super) kind: Kind,
-    /// How many parameters are estimated beside the twelve.
+    /// How many parameters are estimated beside those that are seen.
     pub(super) estimated: usize,
     /// How many are considered.
     pub(super) considered: usize,
@@ -138,7 +140,7 @@ fn column<S: Shape>(parameter: &Parameter) -> Option<Column> {
 
 impl Mixing {
     /// Of `parameters`; none if no shape has all their features. Parameters that are known exactly
-    /// are left out, but for the twelve coefficients.
+    /// are left out, but for those that are seen.
     pub fn new(parameters: &Parameters) -> Option<Self> {
         let is_open = |p: &&Parameter| p.prior_sigma != 0.0;
         let estimated: Vec<&Parameter> = parameters.estimated.iter().filter(is_open).collect();
@@ -147,6 +149,7 @@ impl Mixing {
         let all: Vec<&Parameter> = estimated
             .into_iter()
             .chain(considered)
+            .chain(&parameters.weighted)
             .chain(&parameters.coefficients)
             .collect();
         None.or_else(|| Self::on::<Torquers>(Kind::Torquers, &all, counts))
@@ -198,10 +201,9 @@ impl Mixing {
         self.prior_sigma.len()
     }
 
-    /// 1σ of the coefficients before the test, °/h.
-    pub(super) fn coefficient_sigma(&self) -> CoefficientVector {
-        let first = self.size() - COEFFICIENTS;
-        CoefficientVector::from_fn(|i, _| self.prior_sigma[first + i])
+    /// 1σ of what is seen before the test.
+    pub(super) fn seen_sigma(&self) -> &[f64] {
+        &self.prior_sigma[self.estimated + self.considered..]
     }
 
     /// Lᵀ E L in units of the prior σ, its upper triangle, row by row, full rows; from the entries of

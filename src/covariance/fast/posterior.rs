@@ -1,8 +1,8 @@
-//! The covariance of the drift coefficients among other parameters, and its adjoint.
+//! The covariance of what a figure of merit sees among other parameters, and its adjoint.
 //!
 //! E is the information on all parameters in units of their prior σ: n estimated besides, c only
-//! considered, f the coefficients. With the prior of n and f, I, but none of c, the n are
-//! eliminated; what is left is S over (c, f), and then
+//! considered, f what is seen: parameters with a weight and the coefficients. With the prior of n and
+//! f, I, but none of c, the n are eliminated; what is left is S over (c, f), and then
 //!
 //! ```text
 //! N = S_ff⁻¹,   K = N S_fc,   P = N + K Kᵀ:
@@ -16,19 +16,17 @@
 //! Ē = W S̄ Wᵀ,   W = (−E_nn⁻¹ E_nb; I),   b = (c, f).
 //! ```
 
+use nalgebra::DMatrix;
+
 use super::arithmetic::Number;
 use super::information::keeps_digits;
 use super::mixing::Mixing;
-use crate::covariance::CovarianceRoot;
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 
-/// A matrix over the coefficients.
-type Block<N> = [[N; COEFFICIENTS]; COEFFICIENTS];
-
-/// What the information on all parameters leaves of the coefficients, in units of their prior σ.
+/// What the information on all parameters leaves of those that are seen, in units of their prior σ.
+/// Matrices are full and row by row.
 #[derive(Debug)]
 pub(crate) struct Posterior<N> {
-    /// How many n, and how many n and c.
+    /// How many n, n and c, and all parameters there are.
     eliminated: usize,
     first: usize,
     size: usize,
@@ -37,12 +35,12 @@ pub(crate) struct Posterior<N> {
     /// D⁻¹ of the n.
     inverses: Vec<N>,
     /// Rows of L⁻¹ and D⁻¹ of S_ff.
-    w: Block<N>,
-    d: [N; COEFFICIENTS],
-    claimed: Block<N>,
+    w: Vec<N>,
+    d: Vec<N>,
+    claimed: Vec<N>,
     /// Columns of K.
-    k: Vec<[N; COEFFICIENTS]>,
-    covariance: Block<N>,
+    k: Vec<Vec<N>>,
+    covariance: Vec<N>,
     /// The smallest pivot, and the largest ratio of a diagonal entry to its pivot.
     pub least: N,
     pub cancelled: N,
@@ -52,11 +50,11 @@ pub(crate) struct Posterior<N> {
 #[derive(Debug, Clone)]
 pub(crate) enum Pulled<N> {
     /// With respect to the variances of P.
-    Variances([N; COEFFICIENTS]),
-    /// With respect to P.
-    Covariance(Box<Block<N>>),
-    /// With respect to S_ff, of a platform without considered parameters.
-    Information(Box<Block<N>>),
+    Variances(Vec<N>),
+    /// With respect to P, row by row.
+    Covariance(Vec<N>),
+    /// With respect to S_ff, of a platform without considered parameters, row by row.
+    Information(Vec<N>),
 }
 
 impl<N: Number> Posterior<N> {
@@ -65,6 +63,7 @@ impl<N: Number> Posterior<N> {
     pub fn new(zero: N, mixing: &Mixing, tiles: &[N]) -> Self {
         let size = mixing.size();
         let (eliminated, first) = (mixing.estimated, mixing.estimated + mixing.considered);
+        let seen = size - first;
         let one = zero.constant(1.0);
         let mut rows = mixing.information(zero, tiles);
         for i in (0..eliminated).chain(first..size) {
@@ -76,22 +75,24 @@ impl<N: Number> Posterior<N> {
             size,
             rows,
             inverses: Vec::with_capacity(eliminated),
-            w: [[zero; COEFFICIENTS]; COEFFICIENTS],
-            d: [one; COEFFICIENTS],
-            claimed: [[zero; COEFFICIENTS]; COEFFICIENTS],
+            w: vec![zero; seen * seen],
+            d: Vec::with_capacity(seen),
+            claimed: vec![zero; seen * seen],
             k: Vec::new(),
-            covariance: [[zero; COEFFICIENTS]; COEFFICIENTS],
+            covariance: Vec::new(),
             least: one,
             cancelled: one,
         };
-        let mut diagonal = [zero; COEFFICIENTS];
-        for i in 0..COEFFICIENTS {
-            diagonal[i] = posterior.rows[(first + i) * (size + 1)];
-        }
-        posterior.eliminate(one);
-        posterior.factor(zero, &diagonal);
+        let diagonal: Vec<N> = (0..size).map(|i| posterior.rows[i * (size + 1)]).collect();
+        posterior.eliminate(one, &diagonal);
+        posterior.factor(one, &diagonal[first..]);
         posterior.consider();
         posterior
+    }
+
+    /// How many parameters are seen.
+    fn seen(&self) -> usize {
+        self.size - self.first
     }
 
     #[inline(always)]
@@ -104,11 +105,8 @@ impl<N: Number> Posterior<N> {
 
     /// Eliminates the n.
     #[inline(always)]
-    fn eliminate(&mut self, one: N) {
+    fn eliminate(&mut self, one: N, diagonal: &[N]) {
         let (size, first) = (self.size, self.first);
-        let diagonal: Vec<N> = (0..self.eliminated)
-            .map(|k| self.rows[k * (size + 1)])
-            .collect();
         for k in 0..self.eliminated {
             let pivot = self.rows[k * (size + 1)];
             let inverse = one / pivot;
@@ -118,66 +116,57 @@ impl<N: Number> Posterior<N> {
             let row = &done[k * size..];
             for (i, to) in (k + 1..size).zip(rest.chunks_exact_mut(size)) {
                 let factor = -(row[i] * inverse);
-                // Of a considered parameter only what it has to do with the coefficients.
+                // Of a considered parameter only what it has to do with what is seen.
                 let from = if i < self.eliminated { i } else { i.max(first) };
-                for (to, of) in to[from..].iter_mut().zip(&row[from..]) {
-                    *to = of.mul_add(factor, *to);
-                }
+                add(&mut to[from..], factor, &row[from..]);
             }
         }
     }
 
     /// L⁻¹ and D⁻¹ of S_ff, and N.
     #[inline(always)]
-    fn factor(&mut self, zero: N, diagonal: &[N; COEFFICIENTS]) {
-        let one = zero.constant(1.0);
-        let mut s = [[zero; COEFFICIENTS]; COEFFICIENTS];
-        for i in 0..COEFFICIENTS {
-            let row = &self.rows[(self.first + i) * self.size + self.first..];
-            for j in i..COEFFICIENTS {
-                s[i][j] = row[j];
-            }
-            self.w[i][i] = one;
+    fn factor(&mut self, one: N, diagonal: &[N]) {
+        let seen = self.seen();
+        let mut s: Vec<N> = Vec::with_capacity(seen * seen);
+        for i in 0..seen {
+            let row = (self.first + i) * self.size + self.first;
+            s.extend_from_slice(&self.rows[row..row + seen]);
+            self.w[i * (seen + 1)] = one;
         }
-        for k in 0..COEFFICIENTS {
-            let pivot = s[k][k];
+        for k in 0..seen {
+            let pivot = s[k * (seen + 1)];
             let inverse = one / pivot;
             self.note_pivot(pivot, diagonal[k], inverse);
-            self.d[k] = inverse;
-            let (s_k, w_k) = (s[k], self.w[k]);
-            for i in k + 1..COEFFICIENTS {
-                let factor = -(s_k[i] * inverse);
-                for j in i..COEFFICIENTS {
-                    s[i][j] = s_k[j].mul_add(factor, s[i][j]);
-                }
-                for j in 0..=k {
-                    self.w[i][j] = w_k[j].mul_add(factor, self.w[i][j]);
-                }
+            self.d.push(inverse);
+            let (done, rest) = s.split_at_mut((k + 1) * seen);
+            let (w_done, w_rest) = self.w.split_at_mut((k + 1) * seen);
+            let (row, w_row) = (&done[k * seen..], &w_done[k * seen..k * seen + k + 1]);
+            let rests = rest
+                .chunks_exact_mut(seen)
+                .zip(w_rest.chunks_exact_mut(seen));
+            for (i, (to, w_to)) in (k + 1..seen).zip(rests) {
+                let factor = -(row[i] * inverse);
+                add(&mut to[i..], factor, &row[i..]);
+                add(&mut w_to[..=k], factor, w_row);
             }
         }
-        for k in 0..COEFFICIENTS {
-            let w = self.w[k];
-            for i in 0..=k {
-                let factor = w[i] * self.d[k];
-                for j in i..=k {
-                    self.claimed[i][j] = w[j].mul_add(factor, self.claimed[i][j]);
-                }
+        for (k, w) in self.w.chunks_exact(seen).enumerate() {
+            for (i, to) in (0..=k).zip(self.claimed.chunks_exact_mut(seen)) {
+                add(&mut to[i..=k], w[i] * self.d[k], &w[i..=k]);
             }
         }
-        mirror(&mut self.claimed);
+        mirror(&mut self.claimed, seen);
     }
 
     /// K and P.
     #[inline(always)]
     fn consider(&mut self) {
-        self.covariance = self.claimed;
+        let seen = self.seen();
+        self.covariance = self.claimed.clone();
         for c in self.eliminated..self.first {
-            let told = self.told(c);
-            let k = times(&self.claimed, &told);
-            for i in 0..COEFFICIENTS {
-                for j in 0..COEFFICIENTS {
-                    self.covariance[i][j] = k[i].mul_add(k[j], self.covariance[i][j]);
-                }
+            let k = times(&self.claimed, self.told(c));
+            for (i, to) in self.covariance.chunks_exact_mut(seen).enumerate() {
+                add(to, k[i], &k);
             }
             self.k.push(k);
         }
@@ -185,17 +174,15 @@ impl<N: Number> Posterior<N> {
 
     /// The row of S_cf of a considered parameter.
     #[inline(always)]
-    fn told(&self, c: usize) -> [N; COEFFICIENTS] {
-        let row = &self.rows[c * self.size + self.first..];
-        let mut told = [row[0]; COEFFICIENTS];
-        told.copy_from_slice(&row[..COEFFICIENTS]);
-        told
+    fn told(&self, c: usize) -> &[N] {
+        &self.rows[c * self.size + self.first..(c + 1) * self.size]
     }
 
     /// Ē over all parameters, full, row by row.
     #[inline(always)]
     pub fn adjoint(&self, slope: &Pulled<N>) -> Vec<N> {
         let (size, eliminated, first) = (self.size, self.eliminated, self.first);
+        let seen = self.seen();
         let zero = self.least.constant(0.0);
         let (of_told, of_block) = self.remaining_adjoint(slope);
         let x = self.solved(zero);
@@ -203,25 +190,22 @@ impl<N: Number> Posterior<N> {
         let mut out = vec![zero; size * size];
         // S̄, then X S̄ and X S̄ Xᵀ.
         for (i, told) in of_told.iter().enumerate() {
-            for j in 0..COEFFICIENTS {
+            for j in 0..seen {
                 out[(eliminated + i) * size + first + j] = told[j];
                 out[(first + j) * size + eliminated + i] = told[j];
             }
         }
-        for i in 0..COEFFICIENTS {
+        for (i, of) in of_block.chunks_exact(seen).enumerate() {
             let row = (first + i) * size + first;
-            out[row..row + COEFFICIENTS].copy_from_slice(&of_block[i]);
+            out[row..row + seen].copy_from_slice(of);
         }
         let (of_n, of_b) = out.split_at_mut(eliminated * size);
         for (x, out) in x.chunks_exact(b).zip(of_n.chunks_exact_mut(size)) {
             let to = &mut out[eliminated..];
             for (j, (factor, of)) in x.iter().zip(of_b.chunks_exact(size)).enumerate() {
-                // A considered parameter has to do with the coefficients only.
+                // A considered parameter has to do with what is seen only.
                 let from = if j < c { c } else { 0 };
-                let factor = -*factor;
-                for (to, of) in to[from..].iter_mut().zip(&of[eliminated + from..]) {
-                    *to = of.mul_add(factor, *to);
-                }
+                add(&mut to[from..], -*factor, &of[eliminated + from..]);
             }
         }
         for i in 0..eliminated {
@@ -243,41 +227,33 @@ impl<N: Number> Posterior<N> {
 
     /// ½ S̄_cf and S̄_ff.
     #[inline(always)]
-    fn remaining_adjoint(&self, slope: &Pulled<N>) -> (Vec<[N; COEFFICIENTS]>, Block<N>) {
+    fn remaining_adjoint(&self, slope: &Pulled<N>) -> (Vec<Vec<N>>, Vec<N>) {
         let zero = self.least.constant(0.0);
         let (half, two) = (zero.constant(0.5), zero.constant(2.0));
-        let mut of_claimed = [[zero; COEFFICIENTS]; COEFFICIENTS];
+        let seen = self.seen();
         let mut of_told = Vec::with_capacity(self.k.len());
-        match slope {
-            Pulled::Information(of) => return (of_told, **of),
+        let mut of_claimed = match slope {
+            Pulled::Information(of) => return (of_told, of.clone()),
+            Pulled::Covariance(g) => g.clone(),
             Pulled::Variances(g) => {
-                for i in 0..COEFFICIENTS {
-                    of_claimed[i][i] = g[i];
+                let mut of = vec![zero; seen * seen];
+                for i in 0..seen {
+                    of[i * (seen + 1)] = g[i];
                 }
+                of
             }
-            Pulled::Covariance(g) => of_claimed = **g,
-        }
+        };
+        let of_covariance = of_claimed.clone();
         for (c, k) in (self.eliminated..).zip(&self.k) {
-            let mut k_adjoint = *k;
-            match slope {
-                Pulled::Variances(g) => {
-                    for i in 0..COEFFICIENTS {
-                        k_adjoint[i] = k[i] * g[i] * two;
-                    }
-                }
-                Pulled::Covariance(g) => {
-                    k_adjoint = times(g, k);
-                    for of in &mut k_adjoint {
-                        *of = *of * two;
-                    }
-                }
-                Pulled::Information(_) => {}
+            let mut k_adjoint = times(&of_covariance, k);
+            for of in &mut k_adjoint {
+                *of = *of * two;
             }
             let told = self.told(c);
-            for i in 0..COEFFICIENTS {
-                for j in 0..COEFFICIENTS {
+            for (i, to) in of_claimed.chunks_exact_mut(seen).enumerate() {
+                for (j, to) in to.iter_mut().enumerate() {
                     let sum = k_adjoint[i] * told[j] + k_adjoint[j] * told[i];
-                    of_claimed[i][j] = sum.mul_add(half, of_claimed[i][j]);
+                    *to = sum.mul_add(half, *to);
                 }
             }
             let mut of = times(&self.claimed, &k_adjoint);
@@ -286,29 +262,26 @@ impl<N: Number> Posterior<N> {
             }
             of_told.push(of);
         }
-        let mut half_way = [[zero; COEFFICIENTS]; COEFFICIENTS];
+        let mut half_way = vec![zero; seen * seen];
         let diagonal = self.k.is_empty() && matches!(slope, Pulled::Variances(_));
-        for i in 0..COEFFICIENTS {
-            for l in 0..COEFFICIENTS {
-                if diagonal && l != i {
-                    continue;
-                }
-                let factor = -of_claimed[i][l];
-                for j in 0..COEFFICIENTS {
-                    half_way[i][j] = self.claimed[l][j].mul_add(factor, half_way[i][j]);
+        for (i, to) in half_way.chunks_exact_mut(seen).enumerate() {
+            for (l, row) in self.claimed.chunks_exact(seen).enumerate() {
+                if !diagonal || l == i {
+                    add(to, -of_claimed[i * seen + l], row);
                 }
             }
         }
-        let mut of_block = [[zero; COEFFICIENTS]; COEFFICIENTS];
-        for l in 0..COEFFICIENTS {
-            for i in 0..COEFFICIENTS {
-                let factor = self.claimed[l][i];
-                for j in i..COEFFICIENTS {
-                    of_block[i][j] = half_way[l][j].mul_add(factor, of_block[i][j]);
-                }
+        let mut of_block = vec![zero; seen * seen];
+        for (row, of) in self
+            .claimed
+            .chunks_exact(seen)
+            .zip(half_way.chunks_exact(seen))
+        {
+            for (i, to) in of_block.chunks_exact_mut(seen).enumerate() {
+                add(&mut to[i..], row[i], &of[i..]);
             }
         }
-        mirror(&mut of_block);
+        mirror(&mut of_block, seen);
         (of_told, of_block)
     }
 
@@ -327,57 +300,48 @@ impl<N: Number> Posterior<N> {
                 *to = *of * inverse;
             }
             for (i, of) in (k + 1..n).zip(after.chunks_exact(b)) {
-                let factor = -(row[i] * inverse);
-                for (to, of) in to.iter_mut().zip(of) {
-                    *to = of.mul_add(factor, *to);
-                }
+                add(to, -(row[i] * inverse), of);
             }
         }
         x
     }
 
-    /// P of one lane in the coefficients' units.
-    pub fn matrix(&self, sigma: &CoefficientVector, lane: impl Fn(N) -> f64) -> CoefficientMatrix {
-        CoefficientMatrix::from_fn(|i, j| {
-            let (low, high) = if i < j { (i, j) } else { (j, i) };
-            sigma[i] * sigma[j] * lane(self.covariance[low][high])
+    /// P of one lane, in units of the prior σ.
+    pub fn matrix(&self, lane: impl Fn(N) -> f64) -> DMatrix<f64> {
+        let seen = self.seen();
+        DMatrix::from_fn(seen, seen, |i, j| {
+            lane(self.covariance[i.min(j) * seen + i.max(j)])
         })
     }
 
-    /// A root of P of one lane in units of the prior σ: an upper triangle.
-    pub fn scaled_root(&self, lane: impl Fn(N) -> f64) -> CoefficientMatrix {
-        if self.k.is_empty() {
-            return CoefficientMatrix::from_fn(|i, k| match i <= k {
-                true => lane(self.w[k][i]) * lane(self.d[k]).sqrt(),
-                false => 0.0,
-            });
+    /// A root of P of one lane in units of the prior σ: an upper triangle. Its last rows and columns
+    /// are a root of P_D.
+    pub fn root(&self, lane: impl Fn(N) -> f64) -> DMatrix<f64> {
+        let seen = self.seen();
+        if !self.k.is_empty() {
+            return upper_root(&self.matrix(lane));
         }
-        let unit = CoefficientVector::repeat(1.0);
-        upper_root(&self.matrix(&unit, lane))
+        DMatrix::from_fn(seen, seen, |i, k| match i <= k {
+            true => lane(self.w[k * seen + i]) * lane(self.d[k]).sqrt(),
+            false => 0.0,
+        })
     }
 
     /// The derivative of one lane's figure of merit, given with respect to `in_root` = Lᵀ G L.
-    pub fn pulled_of_root(
-        &self,
-        in_root: &CoefficientMatrix,
-        lane: impl Fn(N) -> f64,
-    ) -> Pulled<f64> {
-        let root = self.scaled_root(lane);
-        let block = |m: &CoefficientMatrix| {
-            let entry = |i: usize, j: usize| m[(i, j)];
-            Box::new(std::array::from_fn(|i| {
-                std::array::from_fn(|j| entry(i, j))
-            }))
-        };
+    pub fn pulled_of_root(&self, in_root: &DMatrix<f64>, lane: impl Fn(N) -> f64) -> Pulled<f64> {
+        let root = self.root(lane);
+        let seen = self.seen();
+        // Symmetric, so that columns are rows.
+        let entries = |m: &DMatrix<f64>| m.iter().copied().collect();
         if self.k.is_empty() {
-            return Pulled::Information(block(&-(root * in_root * root.transpose())));
+            return Pulled::Information(entries(&-(&root * in_root * root.transpose())));
         }
         // G = L⁻ᵀ K L⁻¹; what is known exactly has no derivative.
-        let mut inverse = CoefficientMatrix::identity();
+        let mut inverse = DMatrix::identity(seen, seen);
         if !root.solve_upper_triangular_mut(&mut inverse) {
-            inverse = CoefficientMatrix::zeros();
+            inverse.fill(0.0);
         }
-        Pulled::Covariance(block(&(inverse.transpose() * in_root * inverse)))
+        Pulled::Covariance(entries(&(inverse.transpose() * in_root * inverse)))
     }
 
     /// Whether one lane has the digits that a search needs.
@@ -386,24 +350,13 @@ impl<N: Number> Posterior<N> {
     }
 }
 
-/// A root of P, of one lane, in the coefficients' units.
-pub(crate) fn root_in_units(
-    scaled: &CoefficientMatrix,
-    sigma: &CoefficientVector,
-) -> CovarianceRoot {
-    let mut root = *scaled;
-    for i in 0..COEFFICIENTS {
-        root.row_mut(i).scale_mut(sigma[i]);
-    }
-    CovarianceRoot::new(root, std::array::from_fn(|i| i))
-}
-
 /// The upper triangle U with U Uᵀ = P.
-fn upper_root(p: &CoefficientMatrix) -> CoefficientMatrix {
-    let mut u = CoefficientMatrix::zeros();
-    for k in (0..COEFFICIENTS).rev() {
+fn upper_root(p: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = p.nrows();
+    let mut u = DMatrix::zeros(size, size);
+    for k in (0..size).rev() {
         for i in (0..=k).rev() {
-            let known: f64 = (k + 1..COEFFICIENTS).map(|l| u[(i, l)] * u[(k, l)]).sum();
+            let known: f64 = (k + 1..size).map(|l| u[(i, l)] * u[(k, l)]).sum();
             let rest = p[(i, k)] - known;
             u[(i, k)] = if i == k {
                 rest.max(0.0).sqrt()
@@ -417,24 +370,30 @@ fn upper_root(p: &CoefficientMatrix) -> CoefficientMatrix {
     u
 }
 
+/// `to` += `factor` `of`.
+#[inline(always)]
+fn add<N: Number>(to: &mut [N], factor: N, of: &[N]) {
+    for (to, of) in to.iter_mut().zip(of) {
+        *to = of.mul_add(factor, *to);
+    }
+}
+
 /// The lower triangle from the upper one.
 #[inline(always)]
-fn mirror<N: Copy>(m: &mut Block<N>) {
-    for i in 1..COEFFICIENTS {
+fn mirror<N: Copy>(m: &mut [N], size: usize) {
+    for i in 1..size {
         for j in 0..i {
-            m[i][j] = m[j][i];
+            m[i * size + j] = m[j * size + i];
         }
     }
 }
 
 /// `m v` for a symmetric m.
 #[inline(always)]
-fn times<N: Number>(m: &Block<N>, v: &[N; COEFFICIENTS]) -> [N; COEFFICIENTS] {
-    let mut out = [v[0].constant(0.0); COEFFICIENTS];
-    for j in 0..COEFFICIENTS {
-        for i in 0..COEFFICIENTS {
-            out[i] = m[j][i].mul_add(v[j], out[i]);
-        }
+fn times<N: Number>(m: &[N], v: &[N]) -> Vec<N> {
+    let mut out = vec![v[0].constant(0.0); v.len()];
+    for (row, factor) in m.chunks_exact(v.len()).zip(v) {
+        add(&mut out, *factor, row);
     }
     out
 }

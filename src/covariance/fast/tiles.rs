@@ -3,7 +3,7 @@
 //! Columns are worked on in loops here. Written out, as those of [`super::information`] are, fifteen
 //! quads would be a function that no instruction cache holds.
 
-use super::adjoint::{InformationAdjoint, PlaceAdjoint, Sweep};
+use super::adjoint::{InformationAdjoint, PlaceAdjoint, Sweep, along};
 use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::shape::{Array, Shape, every};
 use super::square::{Entries, Square, dot, entries, transposed_product};
@@ -135,14 +135,16 @@ impl<A: Arithmetic, S: Shape> Collected<A, S> for Tiles<A, S> {
     }
 }
 
-/// Ē over the columns: all tiles, row by row.
+/// Ē over the columns.
 #[derive(Debug)]
-pub(crate) struct TilesAdjoint<A: Arithmetic, S: Shape> {
-    tiles: Vec<[A::Quad; 4]>,
-    shape: std::marker::PhantomData<S>,
+pub(crate) enum WideAdjoint<A: Arithmetic, S: Shape> {
+    /// All tiles, row by row.
+    Tiles(Vec<[A::Quad; 4]>),
+    /// What it does to every row that was told, worked out beforehand.
+    Told(Vec<S::Quads<A::Quad>>),
 }
 
-impl<A: Arithmetic, S: Shape> TilesAdjoint<A, S> {
+impl<A: Arithmetic, S: Shape> WideAdjoint<A, S> {
     /// From its entries, row by row over the columns.
     #[inline(always)]
     pub fn new(ar: A, entries: &[A::Number]) -> Self {
@@ -156,114 +158,159 @@ impl<A: Arithmetic, S: Shape> TilesAdjoint<A, S> {
                 }));
             }
         }
-        Self {
-            tiles,
-            shape: std::marker::PhantomData,
-        }
-    }
-
-    /// Rows of quad `q`, columns of quad `r`.
-    #[inline(always)]
-    fn tile(&self, q: usize, r: usize) -> &[A::Quad; 4] {
-        &self.tiles[q * S::QUADS + r]
+        Self::Tiles(tiles)
     }
 }
 
-impl<A: Arithmetic, S: Shape> InformationAdjoint<A, S> for TilesAdjoint<A, S> {
+/// Rows times Ē, given as tiles.
+#[inline(always)]
+fn times_tiles<A: Arithmetic, S: Shape, const N: usize>(
+    tiles: &[[A::Quad; 4]],
+    x: &[S::Quads<A::Quad>; N],
+) -> [S::Quads<A::Quad>; N] {
+    let mut out = *x;
+    for r in 0..S::QUADS {
+        let first = &tiles[r];
+        let mut sums = [first[0]; N];
+        for i in 0..N {
+            let of = x[i][0];
+            let sum = first[0].times(of.get(0));
+            let sum = first[1].times_add(of.get(1), sum);
+            let sum = first[2].times_add(of.get(2), sum);
+            sums[i] = first[3].times_add(of.get(3), sum);
+        }
+        for q in 1..S::QUADS {
+            let tile = &tiles[q * S::QUADS + r];
+            for i in 0..N {
+                let of = x[i][q];
+                let sum = tile[0].times_add(of.get(0), sums[i]);
+                let sum = tile[1].times_add(of.get(1), sum);
+                let sum = tile[2].times_add(of.get(2), sum);
+                sums[i] = tile[3].times_add(of.get(3), sum);
+            }
+        }
+        for i in 0..N {
+            out[i][r] = sums[i];
+        }
+    }
+    out
+}
+
+/// The adjoints of ⟨Ē, n ⊗ hᵀh⟩, Ē given as tiles.
+#[inline(always)]
+fn take_tiles_back<A: Arithmetic, S: Shape>(
+    tiles: &[[A::Quad; 4]],
+    sweep: &mut Sweep<'_, A, S>,
+    step: &DwellStep<A, S>,
+    at: &Place<A, S>,
+    vertical: A::Number,
+) {
+    let ar = sweep.arithmetic();
+    let (zero, two) = (ar.number(0.0), ar.number(2.0));
+    let n = grams::<A, S>(&step.q_c, at, vertical);
+    // 2 ∂f/∂n: instrument by instrument.
+    let mut f = [[[[zero; 3]; 3]; 2]; 2];
+    for r in 0..S::QUADS {
+        let with = &S::LAYOUT[r];
+        let mut u = [[ar.quad([zero; 4]); 3]; 2];
+        for q in 0..S::QUADS {
+            let of = &S::LAYOUT[q];
+            let (h, tile) = (at.h[of.block], &tiles[q * S::QUADS + r]);
+            let sum = tile[0].times_add(h.get(0), u[of.group][of.axis]);
+            let sum = tile[1].times_add(h.get(1), sum);
+            let sum = tile[2].times_add(h.get(2), sum);
+            u[of.group][of.axis] = tile[3].times_add(h.get(3), sum);
+        }
+        let features = at.h[with.block];
+        for group in 0..S::GROUPS {
+            for axis in 0..3 {
+                let u = u[group][axis];
+                let to = &mut f[group][with.group][axis][with.axis];
+                *to = u.dot(features).mul_add(two, *to);
+                let twice = n[group][with.group][axis][with.axis] * two;
+                sweep.place.h[with.block] = u.times_add(twice, sweep.place.h[with.block]);
+            }
+        }
+    }
+    let q_c = entries_of::<A, S>(&step.q_c);
+    let r22 = entries(&step.gain.r22);
+    let mut pulled = <S::Groups<Entries<A::Number>>>::filled([[zero; 3]; 3]);
+    for group in 0..S::GROUPS {
+        let of_gyros = three!(|i| three!(|j| {
+            let f = &f[0][group];
+            dot(&q_c[0][i], &[f[0][j], f[1][j], f[2][j]])
+        }));
+        pulled[group] = of_gyros;
+        if S::GROUPS > 1 {
+            pulled[group] = three!(|i| three!(|j| {
+                let f = &f[1][group];
+                let more = dot(&q_c[1][i], &[f[0][j], f[1][j], f[2][j]]);
+                of_gyros[i][j] + more
+            }));
+        }
+    }
+    sweep.add_c(&r22, &pulled);
+    if S::GROUPS > 1 {
+        let f = &f[1][1];
+        let c = &at.c[UP];
+        let row = three!(|i| vertical * dot(c, &[f[0][i], f[1][i], f[2][i]]));
+        sweep.place.add_to_up(ar, &row);
+    }
+}
+
+/// The same, given what it does to the rows (R22 C) ⊗ h and to that of the vertical channel.
+#[inline(always)]
+fn take_rows_back<A: Arithmetic, S: Shape>(
+    rows: &[S::Quads<A::Quad>],
+    sweep: &mut Sweep<'_, A, S>,
+    step: &DwellStep<A, S>,
+    at: &Place<A, S>,
+    vertical: A::Number,
+) {
+    let ar = sweep.arithmetic();
+    let two = ar.number(2.0);
+    let mut twice = [rows[0], rows[1], rows[2]];
+    for row in &mut twice {
+        for q in 0..S::QUADS {
+            row[q] = row[q].times(two);
+        }
+    }
+    sweep.add_c(&entries(&step.gain.r22), &along::<_, S>(&twice, &at.h));
+    sweep.add_h(&entries_of::<A, S>(&step.q_c), &twice);
+    if S::GROUPS > 1 {
+        pull_vertical(ar, &mut sweep.place, at, vertical, &rows[3]);
+    }
+}
+
+impl<A: Arithmetic, S: Shape> InformationAdjoint<A, S> for WideAdjoint<A, S> {
     #[inline(always)]
     fn times<const N: usize>(
         &self,
-        _: usize,
+        row: usize,
         x: &[S::Quads<A::Quad>; N],
     ) -> [S::Quads<A::Quad>; N] {
-        let mut out = *x;
-        for r in 0..S::QUADS {
-            let first = self.tile(0, r);
-            let mut sums = [first[0]; N];
-            for i in 0..N {
-                let of = x[i][0];
-                let sum = first[0].times(of.get(0));
-                let sum = first[1].times_add(of.get(1), sum);
-                let sum = first[2].times_add(of.get(2), sum);
-                sums[i] = first[3].times_add(of.get(3), sum);
-            }
-            for q in 1..S::QUADS {
-                let tile = self.tile(q, r);
-                for i in 0..N {
-                    let of = x[i][q];
-                    let sum = tile[0].times_add(of.get(0), sums[i]);
-                    let sum = tile[1].times_add(of.get(1), sum);
-                    let sum = tile[2].times_add(of.get(2), sum);
-                    sums[i] = tile[3].times_add(of.get(3), sum);
-                }
-            }
-            for i in 0..N {
-                out[i][r] = sums[i];
+        match self {
+            Self::Tiles(tiles) => times_tiles::<A, S, N>(tiles, x),
+            Self::Told(rows) => {
+                let mut out = *x;
+                out.copy_from_slice(&rows[row..row + N]);
+                out
             }
         }
-        out
     }
 
-    /// The adjoints of ⟨Ē, n ⊗ hᵀh⟩.
     #[inline(always)]
     fn take_back(
         &self,
         sweep: &mut Sweep<'_, A, S>,
-        _: usize,
+        row: usize,
         step: &DwellStep<A, S>,
         at: &Place<A, S>,
         vertical: A::Number,
     ) {
-        let ar = sweep.arithmetic();
-        let (zero, two) = (ar.number(0.0), ar.number(2.0));
-        let n = grams::<A, S>(&step.q_c, at, vertical);
-        // 2 ∂f/∂n: instrument by instrument.
-        let mut f = [[[[zero; 3]; 3]; 2]; 2];
-        for r in 0..S::QUADS {
-            let with = &S::LAYOUT[r];
-            let mut u = [[ar.quad([zero; 4]); 3]; 2];
-            for q in 0..S::QUADS {
-                let of = &S::LAYOUT[q];
-                let (h, tile) = (at.h[of.block], self.tile(q, r));
-                let sum = tile[0].times_add(h.get(0), u[of.group][of.axis]);
-                let sum = tile[1].times_add(h.get(1), sum);
-                let sum = tile[2].times_add(h.get(2), sum);
-                u[of.group][of.axis] = tile[3].times_add(h.get(3), sum);
-            }
-            let features = at.h[with.block];
-            for group in 0..S::GROUPS {
-                for axis in 0..3 {
-                    let u = u[group][axis];
-                    let to = &mut f[group][with.group][axis][with.axis];
-                    *to = u.dot(features).mul_add(two, *to);
-                    let twice = n[group][with.group][axis][with.axis] * two;
-                    sweep.place.h[with.block] = u.times_add(twice, sweep.place.h[with.block]);
-                }
-            }
-        }
-        let q_c = entries_of::<A, S>(&step.q_c);
-        let r22 = entries(&step.gain.r22);
-        let mut pulled = <S::Groups<Entries<A::Number>>>::filled([[zero; 3]; 3]);
-        for group in 0..S::GROUPS {
-            let of_gyros = three!(|i| three!(|j| {
-                let f = &f[0][group];
-                dot(&q_c[0][i], &[f[0][j], f[1][j], f[2][j]])
-            }));
-            pulled[group] = of_gyros;
-            if S::GROUPS > 1 {
-                pulled[group] = three!(|i| three!(|j| {
-                    let f = &f[1][group];
-                    let more = dot(&q_c[1][i], &[f[0][j], f[1][j], f[2][j]]);
-                    of_gyros[i][j] + more
-                }));
-            }
-        }
-        sweep.add_c(&r22, &pulled);
-        if S::GROUPS > 1 {
-            let f = &f[1][1];
-            let c = &at.c[UP];
-            let row = three!(|i| vertical * dot(c, &[f[0][i], f[1][i], f[2][i]]));
-            sweep.place.add_to_up(ar, &row);
+        match self {
+            Self::Tiles(tiles) => take_tiles_back(tiles, sweep, step, at, vertical),
+            Self::Told(rows) => take_rows_back(&rows[row..], sweep, step, at, vertical),
         }
     }
 
@@ -272,11 +319,11 @@ impl<A: Arithmetic, S: Shape> InformationAdjoint<A, S> for TilesAdjoint<A, S> {
         &self,
         ar: A,
         place: &mut PlaceAdjoint<A, S>,
-        _: usize,
+        row: usize,
         at: &Place<A, S>,
         weight: A::Number,
     ) -> A::Number {
-        let [pulled] = self.times(0, &[vertical_row(ar, at)]);
+        let [pulled] = self.times(row, &[vertical_row(ar, at)]);
         pull_vertical(ar, place, at, weight, &pulled)
     }
 }

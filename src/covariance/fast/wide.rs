@@ -1,11 +1,10 @@
 //! One schedule with all parameters of a platform's error model: as [`super::single`], with more
 //! columns.
 
+mod seen;
 #[cfg(test)]
 mod tests;
 mod told;
-
-use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -14,71 +13,27 @@ use super::course;
 use super::dispatch::{self, Task};
 use super::gains::{Gains, Own};
 use super::mixing::{Kind, Mixing};
-use super::posterior::{Posterior, Pulled, root_in_units};
+use super::posterior::Posterior;
 use super::shape::{Catalogue, Facts, Instruments, Shape, Torquers};
 use super::single::{OneTimeline, keep_tape, take_tape};
 use super::square::mirrored;
-use super::tiles::{Tiles, TilesAdjoint};
+use super::tiles::{Tiles, WideAdjoint};
 use super::{Place, Wide};
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{
-    CoefficientCovariance, CovarianceModel, CovarianceRoot, Slope, TickRule, not_finite,
-};
-use crate::drift::{CoefficientMatrix, CoefficientVector};
+use crate::covariance::{CovarianceModel, TickRule, not_finite};
 use crate::error::Result;
 use crate::motion::Timeline;
+pub(crate) use seen::OfPosterior;
+pub use seen::{WideCovariance, WideSlope};
 use told::{Stacked, told};
 
-/// P_D of one schedule, or of one lane.
-pub(crate) struct OfPosterior<'a, N, F> {
-    pub matrix: CoefficientMatrix,
-    pub posterior: &'a Posterior<N>,
-    pub sigma: &'a CoefficientVector,
-    pub lane: F,
-}
-
-impl<'a, N: super::arithmetic::Number, F: Fn(N) -> f64> OfPosterior<'a, N, F> {
-    pub fn new(posterior: &'a Posterior<N>, sigma: &'a CoefficientVector, lane: F) -> Self {
-        Self {
-            matrix: posterior.matrix(sigma, &lane),
-            posterior,
-            sigma,
-            lane,
-        }
-    }
-
-    /// The derivative of a figure of merit in units of the prior σ.
-    pub fn pulled(&self, slope: &Slope) -> Pulled<f64> {
-        match slope {
-            Slope::Variances(g) => Pulled::Variances(std::array::from_fn(|i| {
-                g[i] * self.sigma[i] * self.sigma[i]
-            })),
-            Slope::InRoot(k) => self.posterior.pulled_of_root(k, &self.lane),
-        }
-    }
-}
-
-impl<N: super::arithmetic::Number, F: Fn(N) -> f64> CoefficientCovariance
-    for OfPosterior<'_, N, F>
-{
-    fn matrix(&self) -> &CoefficientMatrix {
-        &self.matrix
-    }
-    fn root(&self) -> Cow<'_, CovarianceRoot> {
-        Cow::Owned(root_in_units(
-            &self.posterior.scaled_root(&self.lane),
-            self.sigma,
-        ))
-    }
-}
-
-/// A figure of merit of P_D.
-type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
+/// A figure of merit.
+type Merit<'a, T> = &'a mut dyn FnMut(&dyn WideCovariance) -> Result<T>;
 
 /// What is wanted at the end of a timeline.
 enum Wanted<'a> {
     Value(Merit<'a, f64>),
-    Gradient(Merit<'a, (f64, Slope)>, &'a mut [LegGradient]),
+    Gradient(Merit<'a, (f64, WideSlope)>, &'a mut [LegGradient]),
     End(&'a mut Option<WideEnd>),
 }
 
@@ -130,48 +85,60 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
             facts: Facts::of::<S>(),
         };
         let mut tape = take_tape(keeps_tape);
-        let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
-        let chain = course::forward::<A, S>(ar, &legs, &earth, &mut gains, &mut tape);
-        let tiles = S::numbers(&chain.e);
-        let posterior = Posterior::new(0.0, mixing, &tiles);
-        let sigma = mixing.coefficient_sigma();
-        let of = OfPosterior::new(&posterior, &sigma, |v: f64| v);
-        let kept = !self.how.by_rows && posterior.keeps_digits(|v| v);
-        let per_s = 1.0 / (model.period_s * model.noise_variance);
+        let is_end = matches!(self.wanted, Wanted::End(_));
+        let (chain, p, tiles, posterior, kept) = loop {
+            let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
+            let chain = course::forward::<A, S>(ar, &legs, &earth, &mut gains, &mut tape);
+            let tiles = S::numbers(&chain.e);
+            let posterior = Posterior::new(0.0, mixing, &tiles);
+            let kept = !self.how.by_rows && posterior.keeps_digits(|v| v);
+            if kept || tape.on || is_end {
+                break (chain, gains.p(), tiles, posterior, kept);
+            }
+            // Once more, with the rows kept.
+            tape.on = true;
+        };
+        let of = OfPosterior::new(&posterior, mixing, |v: f64| v);
+        let by_rows = || {
+            let told = told(ar, &legs, &earth, &tape, mixing);
+            Stacked::new(&told, mixing)
+        };
         let value = match self.wanted {
             Wanted::Value(merit) if kept => merit(&of),
-            Wanted::Value(merit) => {
-                // Once more, with the rows kept.
-                tape.on = true;
-                tape.steps.clear();
-                let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
-                course::forward::<A, S>(ar, &legs, &earth, &mut gains, &mut tape);
-                let told = told(ar, &legs, &earth, &tape, mixing);
-                Stacked::new(&told, mixing).and_then(|stacked| merit(stacked.covariance()))
+            Wanted::Value(merit) => by_rows().and_then(|stacked| merit(&stacked)),
+            Wanted::Gradient(merit, out) => {
+                // No closures around what is bulky: they would be compiled without the registers.
+                let found = if kept {
+                    match merit(&of) {
+                        Ok((value, slope)) => {
+                            let of_parameters = posterior.adjoint(&of.pulled(&slope));
+                            let of_columns = mixing.pulled(0.0, &of_parameters);
+                            Ok((value, WideAdjoint::<A, S>::new(ar, &of_columns)))
+                        }
+                        Err(error) => Err(error),
+                    }
+                } else {
+                    by_rows().and_then(|stacked| {
+                        let (value, slope) = merit(&stacked)?;
+                        Ok((value, stacked.times_adjoint::<A, S>(ar, &slope)))
+                    })
+                };
+                let per_s = 1.0 / (model.period_s * model.noise_variance);
+                match found {
+                    Ok((value, information)) => {
+                        course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+                        Ok(value)
+                    }
+                    Err(error) => Err(error),
+                }
             }
-            Wanted::Gradient(merit, out) if !kept => {
-                let told = told(ar, &legs, &earth, &tape, mixing);
-                Stacked::new(&told, mixing).and_then(|stacked| {
-                    let (value, slope) = merit(stacked.covariance())?;
-                    let information = stacked.times_adjoint::<A, S>(ar, &slope);
-                    course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
-                    Ok(value)
-                })
-            }
-            Wanted::Gradient(merit, out) => merit(&of).map(|(value, slope)| {
-                let of_parameters = posterior.adjoint(&of.pulled(&slope));
-                let of_columns = mixing.pulled(0.0, &of_parameters);
-                let information = TilesAdjoint::<A, S>::new(ar, &of_columns);
-                course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
-                value
-            }),
             Wanted::End(to) => {
                 let mut v = chain.v;
                 if let Some(last) = self.timeline.legs().last() {
                     let c = super::attitude_entries(&last.attitude);
                     shift_back::<A, S>(&Place::new(ar, &earth, c), &mut v);
                 }
-                let p = mirrored(&gains.p());
+                let p = mirrored(&p);
                 let p = Matrix3::from_fn(|i, j| p[i][j]);
                 *to = WideEnd::new::<A, S>(mixing, &mixing.information(0.0, &tiles), &v, &p);
                 Ok(0.0)
@@ -292,7 +259,7 @@ impl CovarianceModel {
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
-        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
+        mut merit: impl FnMut(&dyn WideCovariance) -> Result<f64>,
     ) -> Result<f64> {
         self.to_wide_end(
             mixing,
@@ -323,16 +290,31 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// As [`CovarianceModel::wide_value`].
-    pub fn wide_gradient(
+    pub fn wide_gradient<T: Into<WideSlope>>(
         &self,
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
-        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+        mut merit: impl FnMut(&dyn WideCovariance) -> Result<(f64, T)>,
+    ) -> Result<(f64, Vec<LegGradient>)> {
+        let mut merit = |p: &dyn WideCovariance| {
+            let (value, slope) = merit(p)?;
+            Ok((value, slope.into()))
+        };
+        self.wide_gradient_by(mixing, timeline, rule, How::default(), &mut merit)
+    }
+
+    fn wide_gradient_by(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        how: How,
+        merit: Merit<'_, (f64, WideSlope)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
-        let wanted = Wanted::Gradient(&mut merit, &mut out);
-        let value = self.to_wide_end(mixing, timeline, rule, How::default(), wanted)?;
+        let wanted = Wanted::Gradient(merit, &mut out);
+        let value = self.to_wide_end(mixing, timeline, rule, how, wanted)?;
         Ok((value, out))
     }
 

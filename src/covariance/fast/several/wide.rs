@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use pulp::Simd;
 
 use super::gradients::{LaneGradient, backward, is_worth_while};
-use super::{Batch, Group, Value};
+use super::{Batch, Group};
 use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Work,
 };
@@ -18,11 +18,10 @@ use crate::covariance::fast::mixing::{Kind, Mixing};
 use crate::covariance::fast::posterior::{Posterior, Pulled};
 use crate::covariance::fast::shape::{Catalogue, Facts, Instruments, Torquers};
 use crate::covariance::fast::single::{keep_tape, take_tape};
-use crate::covariance::fast::tiles::TilesAdjoint;
-use crate::covariance::fast::wide::{OfPosterior, WideShape};
+use crate::covariance::fast::tiles::WideAdjoint;
+use crate::covariance::fast::wide::{OfPosterior, WideCovariance, WideShape, WideSlope};
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite};
-use crate::drift::COEFFICIENTS;
+use crate::covariance::{CovarianceModel, TickRule, not_finite};
 use crate::error::Result;
 use crate::motion::Timeline;
 
@@ -49,12 +48,12 @@ struct Pull<'a, A: Arithmetic, C> {
 }
 
 impl<A: Arithmetic, C: WideShape> Work for Pull<'_, A, C> {
-    type Output = TilesAdjoint<A, C>;
+    type Output = WideAdjoint<A, C>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         let of_parameters = self.posterior.adjoint(self.slope);
         let of_columns = self.mixing.pulled(self.ar.number(0.0), &of_parameters);
-        TilesAdjoint::new(self.ar, &of_columns)
+        WideAdjoint::new(self.ar, &of_columns)
     }
 }
 
@@ -72,6 +71,11 @@ fn posterior<S: Simd, L: Alignment, C: WideShape>(
     let tiles = C::numbers(&chain.e);
     ar.apart(Finish(ar.number(0.0), mixing, &tiles))
 }
+
+/// A figure of merit.
+type Value<'a> = &'a dyn Fn(&dyn WideCovariance) -> Result<f64>;
+/// A figure of merit with its derivative.
+type Merit<'a> = &'a dyn Fn(&dyn WideCovariance) -> Result<(f64, WideSlope)>;
 
 /// The values of a batch.
 struct Values<'a, C> {
@@ -93,14 +97,13 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
         };
         let model = self.batch.model;
         let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
-        let sigma = self.mixing.coefficient_sigma();
         for of in self.batch.groups(S::F64_LANES) {
             let group = self.batch.group(ar, &of, true);
             let posterior = posterior(&group, self.mixing, &earth, &mut tape);
             for (lane, &i) in of.iter().enumerate() {
                 let value = |v: Lane<S, L>| v.lane(lane);
                 out[i] = match posterior.keeps_digits(value) {
-                    true => (self.merit)(&OfPosterior::new(&posterior, &sigma, value)),
+                    true => (self.merit)(&OfPosterior::new(&posterior, self.mixing, value)),
                     false => {
                         let timeline = &self.batch.timelines[i];
                         model.wide_value(self.mixing, timeline, self.batch.rule, self.merit)
@@ -112,8 +115,6 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
     }
 }
 
-/// A figure of merit of P_D with its derivative.
-type Merit<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
 /// The figure of merit of a timeline with its derivatives, leg by leg.
 type Answer = Result<(f64, Vec<LegGradient>)>;
 
@@ -129,58 +130,44 @@ struct Gradients<'a, C> {
     shape: PhantomData<C>,
 }
 
-/// A matrix over the coefficients, one per lane.
-type LaneBlock = [[[f64; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS];
-
 /// The derivative of each lane's figure of merit: a criterion gives the same form of it for every
 /// schedule.
 #[derive(Default)]
 struct Slopes {
-    variances: [[f64; MOST_LANES]; COEFFICIENTS],
-    block: Option<(bool, Box<LaneBlock>)>,
+    of: Option<(Form, Vec<[f64; MOST_LANES]>)>,
+}
+
+/// Of [`Pulled`].
+#[derive(Clone, Copy)]
+enum Form {
+    Variances,
+    Covariance,
+    Information,
 }
 
 impl Slopes {
     fn set(&mut self, lane: usize, pulled: &Pulled<f64>) {
-        let (of_information, from) = match pulled {
-            Pulled::Variances(g) => {
-                for (to, from) in self.variances.iter_mut().zip(g) {
-                    to[lane] = *from;
-                }
-                return;
-            }
-            Pulled::Information(from) => (true, from),
-            Pulled::Covariance(from) => (false, from),
+        let (form, from) = match pulled {
+            Pulled::Variances(from) => (Form::Variances, from),
+            Pulled::Covariance(from) => (Form::Covariance, from),
+            Pulled::Information(from) => (Form::Information, from),
         };
-        let none = || {
-            let zero = [[[0.0; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS];
-            (of_information, Box::new(zero))
-        };
-        let (_, to) = self.block.get_or_insert_with(none);
-        for (to, from) in to.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
+        let none = || (form, vec![[0.0; MOST_LANES]; from.len()]);
+        let (_, to) = self.of.get_or_insert_with(none);
+        for (to, from) in to.iter_mut().zip(from) {
             to[lane] = *from;
         }
     }
 
-    #[inline(always)]
-    fn gathered<S: Simd, L: Alignment>(&self, ar: Lanes<S, L>) -> Pulled<Lane<S, L>> {
-        let mut row = [ar.number(0.0); COEFFICIENTS];
-        let Some((of_information, block)) = &self.block else {
-            for i in 0..COEFFICIENTS {
-                row[i] = Register::gather(ar.0, &self.variances[i]);
-            }
-            return Pulled::Variances(row);
-        };
-        let mut all = Box::new([row; COEFFICIENTS]);
-        for i in 0..COEFFICIENTS {
-            for j in 0..COEFFICIENTS {
-                all[i][j] = Register::gather(ar.0, &block[i][j]);
-            }
-        }
-        match of_information {
-            true => Pulled::Information(all),
-            false => Pulled::Covariance(all),
-        }
+    /// None where no lane has any.
+    fn gathered<S: Simd, L: Alignment>(&self, ar: Lanes<S, L>) -> Option<Pulled<Lane<S, L>>> {
+        let (form, of) = self.of.as_ref()?;
+        let all = of.iter().map(|v| Register::gather(ar.0, v)).collect();
+        Some(match form {
+            Form::Variances => Pulled::Variances(all),
+            Form::Covariance => Pulled::Covariance(all),
+            Form::Information => Pulled::Information(all),
+        })
     }
 }
 
@@ -193,7 +180,6 @@ impl<C: WideShape> LaneTask for Gradients<'_, C> {
         let mut tape = take_tape::<_, C>(true);
         let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
         let posterior = posterior(&group, self.mixing, &earth, &mut tape);
-        let sigma = self.mixing.coefficient_sigma();
         let mut slopes = Slopes::default();
         for (lane, &i) in self.of.iter().enumerate() {
             let value = |v: Lane<S, L>| v.lane(lane);
@@ -201,17 +187,20 @@ impl<C: WideShape> LaneTask for Gradients<'_, C> {
                 self.alone.push(i);
                 continue;
             }
-            let of = OfPosterior::new(&posterior, &sigma, value);
+            let of = OfPosterior::new(&posterior, self.mixing, value);
             self.out[i] = (self.merit)(&of).map(|(value, slope)| {
                 slopes.set(lane, &of.pulled(&slope));
                 (value, Vec::new())
             });
         }
+        let Some(slope) = slopes.gathered(ar) else {
+            return keep_tape(tape);
+        };
         let information = ar.apart(Pull::<_, C> {
             ar,
             mixing: self.mixing,
             posterior: &posterior,
-            slope: &slopes.gathered(ar),
+            slope: &slope,
             shape: PhantomData,
         });
         let gradient = backward(&group, &earth, &tape, &information);
@@ -237,7 +226,7 @@ impl CovarianceModel {
         mixing: &Mixing,
         timelines: &[Timeline],
         rule: TickRule,
-        merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
+        merit: impl Fn(&dyn WideCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
         macro_rules! run {
             ($shape:ty) => {{
@@ -274,13 +263,17 @@ impl CovarianceModel {
     /// # Errors
     ///
     /// Of a timeline: as [`CovarianceModel::wide_gradient`].
-    pub fn wide_gradients(
+    pub fn wide_gradients<T: Into<WideSlope>>(
         &self,
         mixing: &Mixing,
         timelines: &[Timeline],
         rule: TickRule,
-        merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+        merit: impl Fn(&dyn WideCovariance) -> Result<(f64, T)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
+        let merit = |p: &dyn WideCovariance| {
+            let (value, slope) = merit(p)?;
+            Ok((value, slope.into()))
+        };
         let mut out: Vec<Answer> = Vec::new();
         out.resize_with(timelines.len(), || Err(not_finite()));
         let lanes = lanes(self.most_lanes);

@@ -4,7 +4,7 @@ use super::super::mixing::{Kind, Mixing, Parameter, Parameters};
 use super::{How, Wanted};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
+use crate::covariance::{CovarianceModel, TickRule, WideCovariance, WideSlope};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::{COEFFICIENTS, DriftCoefficient};
 use crate::error::Result;
@@ -15,6 +15,7 @@ use crate::schedule::ScheduledPosition;
 mod dense;
 mod names;
 mod reference;
+mod weights;
 
 use dense::Dense;
 use names::{PAPER, group, parameter};
@@ -113,6 +114,7 @@ fn parameters(selection: &Selection, platform: &Platform) -> Parameters {
     Parameters {
         coefficients: DriftCoefficient::ALL
             .map(|c| parameter(c.name(), &selection.output, sigma[c.index()])),
+        weighted: Vec::new(),
         estimated: named(&selection.estimated, &selection.output),
         considered: named(&selection.considered, &selection.output),
     }
@@ -363,7 +365,7 @@ fn moves_without_duration_count_for_torquers() {
         let end = model.wide_end(&mixing, &before, rule).unwrap();
         let (claimed, ..) = dense_sigma(platform, &parameters, &before, rule);
         assert!(worst(&end.claimed_sigma, &claimed) < 1e-9);
-        let log = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
+        let log = |p: &dyn WideCovariance| Criterion::rms().log(p, Smoothing::Exact);
         let at = |positions: &[ScheduledPosition]| {
             let timeline = timeline(platform, positions);
             model.wide_value(&mixing, &timeline, rule, log).unwrap()
@@ -409,10 +411,9 @@ fn rows_and_sums_of_squares_agree() {
             let mixing = Mixing::new(&parameters(selection, platform)).unwrap();
             let timeline = timeline(platform, &positions(&mut random, platform, 6));
             for criterion in [Criterion::rms(), Criterion::D] {
-                let log = |p: &dyn CoefficientCovariance| criterion.log(p, Smoothing::Exact);
-                let slope = |p: &dyn CoefficientCovariance| {
-                    criterion.log_with_gradient(p, Smoothing::Exact)
-                };
+                let log = |p: &dyn WideCovariance| criterion.log(p, Smoothing::Exact);
+                let slope =
+                    |p: &dyn WideCovariance| criterion.log_with_gradient(p, Smoothing::Exact);
                 let rule = TickRule::Relaxed;
                 let value = model.wide_value(&mixing, &timeline, rule, log).unwrap();
                 let by_rows = model
@@ -460,9 +461,8 @@ fn lanes_have_the_bits_of_single_schedules() {
             } else {
                 Criterion::D
             };
-            let slope =
-                |p: &dyn CoefficientCovariance| criterion.log_with_gradient(p, Smoothing::Exact);
-            let value = |p: &dyn CoefficientCovariance| criterion.log(p, Smoothing::Exact);
+            let slope = |p: &dyn WideCovariance| criterion.log_with_gradient(p, Smoothing::Exact);
+            let value = |p: &dyn WideCovariance| criterion.log(p, Smoothing::Exact);
             for rule in [[TickRule::Relaxed, TickRule::Filter][s % 2]] {
                 let mut model = CovarianceModel::new(platform);
                 let alone = |model: &CovarianceModel, t: &Timeline| {
@@ -504,21 +504,22 @@ impl CovarianceModel {
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
-        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
+        mut merit: impl FnMut(&dyn WideCovariance) -> Result<f64>,
     ) -> Result<f64> {
         self.to_wide_end(mixing, timeline, rule, BY_ROWS, Wanted::Value(&mut merit))
     }
 
-    fn wide_gradient_by_rows(
+    fn wide_gradient_by_rows<T: Into<WideSlope>>(
         &self,
         mixing: &Mixing,
         timeline: &Timeline,
         rule: TickRule,
-        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+        mut merit: impl FnMut(&dyn WideCovariance) -> Result<(f64, T)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        let mut out = vec![LegGradient::default(); timeline.legs().len()];
-        let wanted = Wanted::Gradient(&mut merit, &mut out);
-        let value = self.to_wide_end(mixing, timeline, rule, BY_ROWS, wanted)?;
-        Ok((value, out))
+        let mut merit = |p: &dyn WideCovariance| {
+            let (value, slope) = merit(p)?;
+            Ok((value, slope.into()))
+        };
+        self.wide_gradient_by(mixing, timeline, rule, BY_ROWS, &mut merit)
     }
 }

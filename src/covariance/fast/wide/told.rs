@@ -14,19 +14,19 @@
 //! (x Ē)_e = ((q M − x_c) Q_c − q Q_e) K Q_eᵀ Lᵀ + q Q_e K Q_cᵀ Mᵀ Lᵀ,   (x Ē)_c = −q Q_e K Q_cᵀ.
 //! ```
 
+use std::borrow::Cow;
+
 use nalgebra::DMatrix;
 
-use super::super::adjoint::{InformationAdjoint, PlaceAdjoint, Sweep, along};
-use super::super::arithmetic::{Arithmetic, Row, Single, four, three};
+use super::super::arithmetic::{Row, Single, four};
 use super::super::course::{Legs, Step, Tape, on_the_way};
 use super::super::earth::Earth;
 use super::super::mixing::Mixing;
 use super::super::shape::{Shape, every};
-use super::super::square::entries;
-use super::super::tiles::{pull_vertical, vertical_row};
-use super::super::{DwellStep, Place, entries_of};
-use super::root_in_units;
-use crate::covariance::{CoefficientCovariance, CovarianceRoot, Rooted, Slope, not_finite};
+use super::super::tiles::{WideAdjoint, vertical_row};
+use super::super::{Place, entries_of};
+use super::seen::{WideCovariance, WideSlope, of_coefficients, padded, scaled};
+use crate::covariance::{CoefficientCovariance, CovarianceRoot, Rooted, not_finite};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix};
 use crate::error::Result;
 
@@ -103,6 +103,8 @@ pub(super) struct Stacked<'a> {
     /// q of every row, and its considered part.
     q: DMatrix<f64>,
     on_considered: DMatrix<f64>,
+    /// Λ, in units of the prior σ.
+    root: DMatrix<f64>,
     covariance: Rooted,
 }
 
@@ -111,7 +113,8 @@ impl<'a> Stacked<'a> {
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
     pub fn new(told: &[Told], mixing: &'a Mixing) -> Result<Self> {
-        let first = mixing.size() - COEFFICIENTS;
+        let first = mixing.estimated + mixing.considered;
+        let seen = mixing.size() - first;
         let considered: Vec<usize> = (mixing.estimated..first).collect();
         let estimated: Vec<usize> = (0..mixing.estimated).chain(first..mixing.size()).collect();
         let size = |t: &Told| t.scale * t.row.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
@@ -141,21 +144,28 @@ impl<'a> Stacked<'a> {
         qr.p().inv_permute_rows(&mut l);
         let of_rows = qr.q().rows(0, rows).into_owned();
         let m = of_rows.transpose() * c;
-        let l_f = l.rows(mixing.estimated, COEFFICIENTS).into_owned();
+        // The coefficients first: then a corner of the triangle is a root of P_D.
+        let weighted = seen - COEFFICIENTS;
+        let order_of_seen: Vec<usize> = (weighted..seen).chain(0..weighted).collect();
+        let l_f = l.rows(mixing.estimated, seen).select_rows(&order_of_seen);
         let b_f = -(&l_f * &m);
-        let mut both = DMatrix::zeros(estimated.len() + considered.len(), COEFFICIENTS);
+        let mut both = DMatrix::zeros(estimated.len() + considered.len(), seen);
         both.rows_mut(0, estimated.len())
             .copy_from(&l_f.transpose());
         both.rows_mut(estimated.len(), considered.len())
             .copy_from(&b_f.transpose());
-        let root = both.qr();
+        let qr_of_root = both.qr();
         // Rᵀ with its columns the other way round: rows from the last on make an upper triangle.
-        let last = COEFFICIENTS - 1;
-        let r = root.r();
-        let scaled = CoefficientMatrix::from_fn(|i, k| r[(last - k, i)]);
-        let of_root = root.q();
-        let of_root =
-            DMatrix::from_fn(of_root.nrows(), COEFFICIENTS, |i, k| of_root[(i, last - k)]);
+        let last = seen - 1;
+        let r = qr_of_root.r();
+        let mut root = DMatrix::zeros(seen, seen);
+        for (i, to) in order_of_seen.iter().enumerate() {
+            for k in 0..seen {
+                root[(*to, k)] = r[(last - k, i)];
+            }
+        }
+        let of_root = qr_of_root.q();
+        let of_root = DMatrix::from_fn(of_root.nrows(), seen, |i, k| of_root[(i, last - k)]);
         let mut q = DMatrix::zeros(rows, estimated.len());
         for (at, (_, k)) in order.iter().enumerate() {
             let Told { row, scale } = &told[*k];
@@ -169,10 +179,10 @@ impl<'a> Stacked<'a> {
         }
         let on_considered =
             DMatrix::from_fn(rows, considered.len(), |i, j| told[i].row[considered[j]]);
-        let sigma = mixing.coefficient_sigma();
-        let pivots = std::array::from_fn(|k| last - k);
-        let in_units = root_in_units(&scaled, &sigma);
-        let covariance = Rooted::new(CovarianceRoot::new(*in_units.matrix(), pivots));
+        let sigma = mixing.seen_sigma();
+        let pivots = std::array::from_fn(|k| COEFFICIENTS - 1 - k);
+        let in_units = of_coefficients(&root, sigma, &vec![1.0; seen]);
+        let covariance = Rooted::new(CovarianceRoot::new(in_units, pivots));
         Ok(Self {
             mixing,
             estimated,
@@ -182,24 +192,35 @@ impl<'a> Stacked<'a> {
             of_root,
             q,
             on_considered,
+            root,
             covariance,
         })
     }
 
-    /// P_D.
-    pub fn covariance(&self) -> &dyn CoefficientCovariance {
-        &self.covariance
+    /// Λᵀ G Λ.
+    fn in_root(&self, slope: &WideSlope) -> DMatrix<f64> {
+        let sigma = self.mixing.seen_sigma();
+        let of = |g: &DMatrix<f64>| self.root.transpose() * scaled(g, sigma) * &self.root;
+        match slope {
+            WideSlope::Coefficients(slope) => padded(&slope.in_root(&self.covariance), sigma.len()),
+            WideSlope::Variances(g) => of(&DMatrix::from_diagonal(g)),
+            WideSlope::Covariance(g) => of(g),
+        }
     }
 
     /// Every row times Ē, over the columns of the shape.
-    pub fn times_adjoint<A: Single, S: Shape>(&self, ar: A, slope: &Slope) -> ToldAdjoint<A, S> {
-        let k = slope.in_root(&self.covariance);
+    pub fn times_adjoint<A: Single, S: Shape>(
+        &self,
+        ar: A,
+        slope: &WideSlope,
+    ) -> WideAdjoint<A, S> {
+        let k = self.in_root(slope);
         let count = self.estimated.len();
         let q_e = self.of_root.rows(0, count);
         let q_c = self.of_root.rows(count, self.considered.len());
         let through = &self.q * q_e;
         let left = (&self.q * &self.m - &self.on_considered) * q_c - &through;
-        let second = &through * k * q_c.transpose();
+        let second = &through * &k * q_c.transpose();
         let of_estimated =
             (left * k * q_e.transpose() + &second * self.m.transpose()) * self.l.transpose();
         let rows = (0..self.q.nrows()).map(|i| {
@@ -217,57 +238,24 @@ impl<'a> Stacked<'a> {
             }
             row
         });
-        ToldAdjoint(rows.collect())
+        WideAdjoint::Told(rows.collect())
     }
 }
 
-/// What Ē does to every row, worked out beforehand.
-pub(super) struct ToldAdjoint<A: Arithmetic, S: Shape>(Vec<S::Quads<A::Quad>>);
-
-impl<A: Arithmetic, S: Shape> InformationAdjoint<A, S> for ToldAdjoint<A, S> {
-    #[inline(always)]
-    fn times<const N: usize>(
-        &self,
-        row: usize,
-        _: &[S::Quads<A::Quad>; N],
-    ) -> [S::Quads<A::Quad>; N] {
-        std::array::from_fn(|i| self.0[row + i])
+impl CoefficientCovariance for Stacked<'_> {
+    fn matrix(&self) -> &CoefficientMatrix {
+        self.covariance.matrix()
     }
-
-    #[inline(always)]
-    fn take_back(
-        &self,
-        sweep: &mut Sweep<'_, A, S>,
-        row: usize,
-        step: &DwellStep<A, S>,
-        at: &Place<A, S>,
-        vertical: A::Number,
-    ) {
-        let ar = sweep.arithmetic();
-        let two = ar.number(2.0);
-        let twice = three!(|i| {
-            let mut of = self.0[row + i];
-            for q in 0..S::QUADS {
-                of[q] = of[q].times(two);
-            }
-            of
-        });
-        sweep.add_c(&entries(&step.gain.r22), &along::<_, S>(&twice, &at.h));
-        sweep.add_h(&entries_of::<A, S>(&step.q_c), &twice);
-        if S::GROUPS > 1 {
-            self.take_vertical_back(ar, &mut sweep.place, row + 3, at, vertical);
-        }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        self.covariance.root()
     }
+}
 
-    #[inline(always)]
-    fn take_vertical_back(
-        &self,
-        ar: A,
-        place: &mut PlaceAdjoint<A, S>,
-        row: usize,
-        at: &Place<A, S>,
-        weight: A::Number,
-    ) -> A::Number {
-        pull_vertical(ar, place, at, weight, &self.0[row])
+impl WideCovariance for Stacked<'_> {
+    fn seen(&self) -> DMatrix<f64> {
+        scaled(
+            &(&self.root * self.root.transpose()),
+            self.mixing.seen_sigma(),
+        )
     }
 }

@@ -92,6 +92,7 @@ fn read(document: serde_json::Value) -> Case {
         parameters: Parameters {
             coefficients: DriftCoefficient::ALL
                 .map(|c| parameter(c.name(), &output, sigma[c.index()])),
+            weighted: Vec::new(),
             estimated,
             considered,
         },
