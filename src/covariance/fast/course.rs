@@ -168,19 +168,33 @@ impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>, const PART: u8> Work
     }
 }
 
-/// Where a stretch of a move begins (`end` = 0) or ends (1), if that is not at a position.
+/// A place in a move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OnTheWay<A: Arithmetic, S: Shape> {
+    pub place: Place<A, S>,
+    /// Of the move.
+    pub fraction: A::Number,
+    /// (sin α, cos α).
+    pub alpha: (A::Number, A::Number),
+}
+
+/// Where a stretch of a move begins or (`end`) ends, if that is not at a position.
 #[inline(always)]
 pub(crate) fn on_the_way<A: Arithmetic, S: Shape>(
     ar: A,
     earth: &Earth<A::Number>,
     s: &Stretch<A::Number, A::Panels>,
     end: bool,
-) -> (Place<A, S>, A::Number, (A::Number, A::Number)) {
+) -> OnTheWay<A, S> {
     let Interval { start_s, length_s } = s.interval;
     let at_s = if end { start_s + length_s } else { start_s };
     let fraction = at_s / s.turn.duration_s;
     let (c, alpha) = s.turn.attitude_at(fraction);
-    (Place::new(ar, earth, c), fraction, alpha)
+    OnTheWay {
+        place: Place::new(ar, earth, c),
+        fraction,
+        alpha,
+    }
 }
 
 impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
@@ -225,8 +239,8 @@ impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
             match from {
                 Some(from) if index == 0 => self.chain.shift(from, -s.present),
                 _ => {
-                    let (from, ..) = on_the_way(self.ar, self.earth, &s, false);
-                    self.chain.shift(&from, -s.present);
+                    let from = on_the_way(self.ar, self.earth, &s, false);
+                    self.chain.shift(&from.place, -s.present);
                 }
             }
         }
@@ -234,7 +248,7 @@ impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
         let mut end = *at;
         if S::GROUPS > 1 {
             if index + 1 < self.legs.stretches(leg) {
-                (end, ..) = on_the_way(self.ar, self.earth, &s, true);
+                end = on_the_way(self.ar, self.earth, &s, true).place;
             }
             self.chain.shift(&end, s.present);
         }

@@ -1,6 +1,8 @@
 //! The way back through the legs: the reverse mode of [`super::forward`].
 
-use super::{DWELL, Grows, Legs, REMAINDER, SETTLE, STRETCH, Step, Stretch, on_the_way, vertical};
+use super::{
+    DWELL, Grows, Legs, OnTheWay, REMAINDER, SETTLE, STRETCH, Step, Stretch, on_the_way, vertical,
+};
 use crate::covariance::fast::adjoint::{
     InformationAdjoint, MEASURED_ROWS, PlaceAdjoint, Sweep, dwell_rows,
 };
@@ -179,10 +181,11 @@ where
         match index {
             Some(index) if index + 1 < self.legs.stretches(leg) => {
                 let s = self.legs.stretch(leg, index);
-                let (end, fraction, alpha) = on_the_way(ar, self.earth, &s, true);
+                let end = on_the_way(ar, self.earth, &s, true);
                 let mut adjoint = PlaceAdjoint::nothing(ar);
-                let of_weight = information.take_vertical_back(ar, &mut adjoint, row, &end, weight);
-                self.add_on_the_way(leg, &s, (&end, fraction, alpha), &adjoint);
+                let of_weight =
+                    information.take_vertical_back(ar, &mut adjoint, row, &end.place, weight);
+                self.add_on_the_way(leg, &s, &end, &adjoint);
                 of_weight
             }
             _ => {
@@ -198,12 +201,17 @@ where
         &mut self,
         leg: usize,
         s: &Stretch<A::Number, A::Panels>,
-        (place, fraction, alpha): (&Place<A, S>, A::Number, (A::Number, A::Number)),
+        on_the_way: &OnTheWay<A, S>,
         adjoint: &PlaceAdjoint<A, S>,
     ) {
+        let OnTheWay {
+            place,
+            fraction,
+            alpha,
+        } = on_the_way;
         let (c, _) = adjoint.pull(&place.c, &self.earth.vector());
-        let angles = pull_to_angles(&place.c, alpha, &c);
-        let change = three!(|i| angles[i] * fraction);
+        let angles = pull_to_angles(&place.c, *alpha, &c);
+        let change = three!(|i| angles[i] * *fraction);
         self.out[leg].add_angles(&change);
         self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));
         // The place is at a time, and the angles there change by their rates.
@@ -245,10 +253,10 @@ where
         let length = self.sweep.length_adjoint(self.earth, v, p, &turning) * s.last;
         if S::GROUPS > 1 {
             if index + 1 < self.legs.stretches(leg) {
-                let (end, fraction, alpha) = on_the_way(ar, self.earth, &s, true);
+                let end = on_the_way(ar, self.earth, &s, true);
                 let mut adjoint = PlaceAdjoint::nothing(ar);
-                adjoint.add_shift(ar, &end, &self.sweep.v, s.present);
-                self.add_on_the_way(leg, &s, (&end, fraction, alpha), &adjoint);
+                adjoint.add_shift(ar, &end.place, &self.sweep.v, s.present);
+                self.add_on_the_way(leg, &s, &end, &adjoint);
             } else {
                 self.sweep.place.add_shift(ar, at, &self.sweep.v, s.present);
             }
@@ -272,10 +280,10 @@ where
         self.sweep.pass(passed);
         if S::GROUPS > 1 {
             if index > 0 {
-                let (start, fraction, alpha) = on_the_way(ar, self.earth, &s, false);
+                let start = on_the_way(ar, self.earth, &s, false);
                 let mut adjoint = PlaceAdjoint::nothing(ar);
-                adjoint.add_shift(ar, &start, &self.sweep.v, -s.present);
-                self.add_on_the_way(leg, &s, (&start, fraction, alpha), &adjoint);
+                adjoint.add_shift(ar, &start.place, &self.sweep.v, -s.present);
+                self.add_on_the_way(leg, &s, &start, &adjoint);
             } else {
                 let from = self.place(leg - 1);
                 let mut before = PlaceAdjoint::nothing(ar);

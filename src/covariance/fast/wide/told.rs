@@ -77,7 +77,7 @@ pub(super) fn told<A: Single, S: Shape>(
             Step::Vertical(weight, _, index) => {
                 let at = match index {
                     Some(index) if index + 1 < legs.stretches(*leg) => {
-                        on_the_way(ar, earth, &legs.stretch(*leg, *index), true).0
+                        on_the_way(ar, earth, &legs.stretch(*leg, *index), true).place
                     }
                     _ => place(),
                 };
