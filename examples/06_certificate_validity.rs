@@ -170,7 +170,7 @@ fn optimised_schedule(seed: u64) -> Tally {
     let platform = random_platform(&mut rng, false);
     let criterion = random_criterion(&mut rng);
     let objective = Objective {
-        criterion,
+        criterion: criterion.clone(),
         ..Objective::default()
     };
     let problem = SearchProblem {
@@ -283,26 +283,24 @@ fn limits(rng: &mut ChaCha8Rng, c: &mut PlatformConfig) {
 
 fn random_criterion(rng: &mut ChaCha8Rng) -> Criterion {
     match rng.random_range(0..5) {
-        0 => Criterion::A {
-            weights: CoefficientVector::from_fn(|_, _| {
+        0 => Criterion::weighted(
+            CoefficientVector::from_fn(|_, _| {
                 if rng.random_bool(0.3) {
                     0.0
                 } else {
                     rng.random_range(0.0..1.0)
                 }
             }) + CoefficientVector::repeat(1e-3),
-        },
+        ),
         1 => Criterion::D,
         2 => Criterion::E,
-        3 => Criterion::MaxRatio {
-            spec_deg_per_h: CoefficientVector::from_fn(|_, _| {
-                if rng.random_bool(0.3) {
-                    f64::INFINITY
-                } else {
-                    10.0_f64.powf(rng.random_range(-3.0..-1.0))
-                }
-            }),
-        },
+        3 => Criterion::max_ratio(CoefficientVector::from_fn(|_, _| {
+            if rng.random_bool(0.3) {
+                f64::INFINITY
+            } else {
+                10.0_f64.powf(rng.random_range(-3.0..-1.0))
+            }
+        })),
         _ => Criterion::rms(),
     }
 }

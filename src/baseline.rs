@@ -1,6 +1,5 @@
 //! The yardstick: what the standard schemes reach on the same platform in the same time.
 
-use crate::covariance::TickRule;
 use crate::drift::COEFFICIENTS;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
@@ -67,10 +66,7 @@ fn accuracy(
     let schedule = scheme.schedule(total_time_s, evaluator.platform())?;
     check_dwells(evaluator, &schedule)?;
     let timeline = Timeline::new(evaluator.platform(), &schedule)?;
-    let end = evaluator
-        .model()
-        .end_covariance(&timeline, TickRule::Filter)?;
-    let criterion = evaluator.objective().criterion.value(&end)?;
+    let (end, criterion) = evaluator.end_with_criterion(&timeline)?;
     let rms_sigma_deg_per_h = (end.coefficients.trace() / COEFFICIENTS as f64).sqrt();
     if rms_sigma_deg_per_h.is_finite() && criterion.is_finite() {
         Ok(BaselineAccuracy {

@@ -145,13 +145,30 @@ impl Certifier {
         total_time_s: f64,
     ) -> Result<CriterionBound> {
         self.check(total_time_s)?;
+        let nothing = CriterionBound {
+            lower_bound: 0.0,
+            equivalence_gap: 0.0,
+            majorant: None,
+        };
+        // What other parameters add to a criterion is not negative, and is left out.
+        let Some((criterion, factor)) = criterion.of_the_coefficients() else {
+            return Ok(nothing);
+        };
         if criterion.is_known(&self.conditions.prior_sigma) {
-            return Ok(CriterionBound {
-                lower_bound: 0.0,
-                equivalence_gap: 0.0,
-                majorant: None,
-            });
+            return Ok(nothing);
         }
+        let found = self.bound_of_the_coefficients(&criterion, total_time_s)?;
+        Ok(CriterionBound {
+            lower_bound: found.lower_bound * factor,
+            ..found
+        })
+    }
+
+    fn bound_of_the_coefficients(
+        &self,
+        criterion: &Criterion,
+        total_time_s: f64,
+    ) -> Result<CriterionBound> {
         let mut best: Option<CriterionBound> = None;
         for (directions, emphasis) in self.relaxations(criterion) {
             for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
@@ -264,9 +281,9 @@ impl Certifier {
 
     fn emphasis(&self, criterion: &Criterion, choice: Choice) -> Emphasis {
         let weights = match criterion {
-            Criterion::A { weights } => *weights,
-            Criterion::MaxRatio { spec_deg_per_h } => spec_deg_per_h.map(|s| (s * s).recip()),
-            Criterion::D | Criterion::E => CoefficientVector::repeat(1.0),
+            Criterion::A { weights, .. } => *weights,
+            Criterion::MaxRatio { spec_deg_per_h, .. } => spec_deg_per_h.map(|s| (s * s).recip()),
+            Criterion::D | Criterion::E | Criterion::Use { .. } => CoefficientVector::repeat(1.0),
         };
         Emphasis::new(&self.conditions, &weights, choice)
     }
@@ -304,7 +321,7 @@ impl Certifier {
         let open = self.conditions.prior_sigma.iter().filter(|s| **s > 0.0);
         let open = open.count() as f64;
         Ok(match criterion {
-            Criterion::A { weights } => {
+            Criterion::A { weights, .. } => {
                 let bracket = problem.weighted_variance(weights)?;
                 (bracket, BracketScale::Variance(weights.sum()))
             }
@@ -312,8 +329,11 @@ impl Certifier {
                 problem.log_determinant()?,
                 BracketScale::LogDeterminant(open),
             ),
-            Criterion::E => (problem.worst_variance()?, BracketScale::Variance(1.0)),
-            Criterion::MaxRatio { spec_deg_per_h } => (
+            // No criterion of the coefficients alone, see `criterion_bound`.
+            Criterion::E | Criterion::Use { .. } => {
+                (problem.worst_variance()?, BracketScale::Variance(1.0))
+            }
+            Criterion::MaxRatio { spec_deg_per_h, .. } => (
                 problem.worst_ratio(spec_deg_per_h)?,
                 BracketScale::Variance(1.0),
             ),

@@ -17,12 +17,14 @@
 //! # Ok::<(), scheme_opt::Error>(())
 //! ```
 
+mod aims;
 mod keys;
 mod per_coefficient;
 mod source;
 mod tables;
 mod task;
 
+pub(crate) use aims::Aims;
 pub use per_coefficient::PerCoefficient;
 pub use source::{DEFAULT_TOML, StudySource};
 pub use tables::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};
@@ -112,19 +114,17 @@ impl StudyConfig {
             "greater than 0, to 1e7",
         )?;
         self.objective.score.check()?;
-        let spec_deg_per_h = self.objective.spec_deg_per_h.check_spec()?;
-        if spec_deg_per_h.is_none() {
+        let aims = Aims::check(&self.objective, &platform)?;
+        if aims.spec_deg_per_h.is_none() {
             self.check_works_without_spec()?;
         }
-        let weights = self.objective.weights.check_weights()?;
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
         Ok(CheckedConfig {
             config,
             platform,
-            weights,
-            spec_deg_per_h,
+            aims,
         })
     }
 
@@ -178,8 +178,7 @@ impl StudyConfig {
 pub struct CheckedConfig {
     config: StudyConfig,
     platform: Platform,
-    weights: CoefficientVector,
-    spec_deg_per_h: Option<CoefficientVector>,
+    aims: Aims,
 }
 
 impl CheckedConfig {
@@ -211,12 +210,16 @@ impl CheckedConfig {
     }
     /// The weight of each coefficient's variance in criterion `a`.
     pub fn weights(&self) -> &CoefficientVector {
-        &self.weights
+        &self.aims.weights
     }
     /// The 1σ specification of each coefficient, °/h (per g), infinite for those without one;
     /// `None` when nothing is specified.
     pub fn spec_deg_per_h(&self) -> Option<&CoefficientVector> {
-        self.spec_deg_per_h.as_ref()
+        self.aims.spec_deg_per_h.as_ref()
+    }
+    /// The same for other parameters.
+    pub(crate) fn aims(&self) -> &Aims {
+        &self.aims
     }
 }
 
@@ -365,8 +368,15 @@ mod tests {
         c.objective.spec_deg_per_h = PerCoefficient {
             default: Some(1.0),
             coefficients: DriftCoefficient::ALL.map(|c| (c, 1.0)).into(),
+            others: Default::default(),
         };
-        c.objective.weights = c.objective.spec_deg_per_h.clone();
+        let names = crate::model::optional_groups().flat_map(|g| g.names);
+        c.objective.spec = PerCoefficient {
+            others: names.map(|name| (*name, 1.0)).collect(),
+            ..c.objective.spec_deg_per_h.clone()
+        };
+        c.objective.weights = c.objective.spec.clone();
+        c.objective.use_profile = Some("flight.csv".into());
         c.objective.accept_unobservable = vec![DriftCoefficient::IZ];
         c.search.threads = Some(1);
         c.search.time_limit_s = Some(1.0);

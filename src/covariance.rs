@@ -6,14 +6,12 @@
 //! a schedule is a short [`chain`] of them, at a cost independent of how long the dwells are:
 //!
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
-//! - [`chain`]: a schedule through the elements (Friedland's separated bias), over numbers of 16 and of
-//!   32 digits: `twelve` for the coefficients alone, as searches take them, `selection` for all that a
-//!   platform has;
-//! - [`full`]: what follows for all parameters, those that a filter does not know of included;
-//! - [`gradient`]: the reverse mode;
+//! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
+//!   and, where those are lost, in numbers of 32 digits;
+//! - [`gradient`]: its reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
-//! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude, gyro axes and terms of
-//!   its own, for the convergence history and to check every winner; it says what the two share.
+//! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
+//!   own, for the convergence history and to check every winner; it says what the two share.
 //!
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
@@ -38,7 +36,7 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::attitude::{Attitude, EAST, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
@@ -47,6 +45,7 @@ use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
 use fast::information::PriorScale;
+use fast::mixing::Mixing;
 use kernel_table::KernelTable;
 pub(crate) use root::Rooted;
 pub use root::{CoefficientCovariance, CovarianceRoot, Slope};
@@ -105,13 +104,18 @@ pub struct CovarianceModel {
     prior_scale: PriorScale,
     /// All parameters, for the route of [`CovarianceModel::full_covariance`].
     pub(crate) errors: ErrorModel,
+    /// The same for the fast route, where there are more than the paper has.
+    mixing: Option<Mixing>,
     /// Variance of the azimuth measured in a period, arcsec².
     pub(crate) azimuth_variance: Option<f64>,
     /// ω_ie^n, rad/s.
     pub(crate) earth_rate_n: Vector3<f64>,
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
+    /// Of what ψ_x and ψ_z tell.
     pub(crate) kernels: KernelTable,
+    /// Of what the azimuth tells too, where it is measured.
+    with_azimuth: Option<KernelTable>,
     /// Most lanes that schedules are worked out in.
     most_lanes: usize,
 }
@@ -128,6 +132,9 @@ impl CovarianceModel {
         let prior_sigma: CoefficientVector = platform
             .prior_drift_rad_per_s
             .map(|v| AngularRate::from_rad_per_s(v).deg_per_h());
+        let azimuth_variance = platform
+            .azimuth_noise_rad
+            .map(|v| Angle::from_rad(v).arcsec().powi(2));
         Self {
             dynamics,
             drift_psd,
@@ -136,10 +143,16 @@ impl CovarianceModel {
             prior_psi: Matrix3::from_diagonal(&prior),
             prior_sigma,
             prior_scale: PriorScale::new(&prior_sigma),
+            mixing: match platform.is_of_the_paper() {
+                true => None,
+                false => Mixing::new(&platform.errors, &[]),
+            },
             errors: platform.errors.clone(),
-            azimuth_variance: platform
-                .azimuth_noise_rad
-                .map(|v| Angle::from_rad(v).arcsec().powi(2)),
+            with_azimuth: azimuth_variance.map(|azimuth| {
+                let measured = measured(noise_variance, Some(azimuth));
+                KernelTable::measuring(dynamics, platform.period_s, drift_psd, measured)
+            }),
+            azimuth_variance,
             earth_rate_n: platform.earth_rate_n,
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
@@ -151,6 +164,15 @@ impl CovarianceModel {
     /// AVX-512 is there, 1 to plain numbers. For tests and benchmarks; results agree to rounding.
     pub fn with_most_lanes(mut self, most: usize) -> Self {
         self.most_lanes = most;
+        self
+    }
+
+    /// The same where figures of merit see more than the twelve coefficients: the parameters at `others`
+    /// too, places in [`ErrorModel::parameters`].
+    pub(crate) fn seeing(mut self, others: &[usize]) -> Self {
+        if self.mixing.is_some() {
+            self.mixing = Mixing::new(&self.errors, others);
+        }
         self
     }
 
@@ -170,13 +192,19 @@ impl CovarianceModel {
         self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
     }
 
+    /// Whether the fast route, and with it a search, knows everything that the platform has.
+    pub(crate) fn is_searchable(&self) -> bool {
+        self.is_of_the_paper() || self.mixing.is_some()
+    }
+
     /// Variance of the measurement of each component of ψ^n in a period, arcsec².
     pub(crate) fn measured_variance(&self) -> [Option<f64>; 3] {
-        let mut measured = [None; 3];
-        measured[NORTH] = Some(self.noise_variance);
-        measured[EAST] = Some(self.noise_variance);
-        measured[UP] = self.azimuth_variance;
-        measured
+        measured(self.noise_variance, self.azimuth_variance)
+    }
+
+    /// The kernels of dwells with everything that is measured: what searches go by.
+    pub(crate) fn searched_kernels(&self) -> &KernelTable {
+        self.with_azimuth.as_ref().unwrap_or(&self.kernels)
     }
 
     /// ω_N, rad/s.
@@ -189,6 +217,13 @@ impl CovarianceModel {
     pub fn prior_sigma_deg_per_h(&self) -> &CoefficientVector {
         &self.prior_sigma
     }
+}
+
+/// Variance of the measurement of each component of ψ^n in a period.
+fn measured(level: f64, azimuth: Option<f64>) -> [Option<f64>; 3] {
+    let mut measured = [Some(level); 3];
+    measured[UP] = azimuth;
+    measured
 }
 
 /// The covariance at the end of a schedule.

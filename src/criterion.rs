@@ -6,6 +6,10 @@
 //! | `d` | (det P_D)^{1/2n}: the geometric mean of the principal σ | °/h |
 //! | `e` | √λ_max(P_D): σ of the worst combination | °/h |
 //! | `max-ratio` | max σ_i / σ_i^spec | 1 |
+//! | `use` | √tr(L_u P L_uᵀ): the attitude error after a [mission](crate::mission), RMS | arcsec |
+//!
+//! The coefficients are the twelve of drift. `a` and `max-ratio` count other parameters too where these
+//! have a weight or a specification, and `use` whatever turns the platform in the mission.
 //!
 //! Search and score work on the logarithm, which makes a relative change of accuracy the same
 //! whatever the unit. `e` and `max-ratio` have kinks; [`Smoothing::PowerMean`] replaces the
@@ -19,19 +23,21 @@
 
 use std::fmt;
 
-use nalgebra::{Cholesky, DefaultAllocator, Dim, allocator::Allocator};
+use nalgebra::{Cholesky, DMatrix, DVector, DefaultAllocator, Dim, allocator::Allocator};
 
 use crate::covariance::{CoefficientCovariance, Slope};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
 
 /// A criterion with its parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Criterion {
     /// A-optimality: weighted RMS σ; weights ≥ 0, not all zero.
     A {
         /// Weight of each coefficient's variance.
         weights: CoefficientVector,
+        /// The same of other parameters that are [seen](CoefficientCovariance::seen), in their order.
+        others: Vec<f64>,
     },
     /// D-optimality: geometric mean of the principal σ, over the coefficients not known already.
     D,
@@ -41,6 +47,13 @@ pub enum Criterion {
     MaxRatio {
         /// Specification, 1σ, °/h.
         spec_deg_per_h: CoefficientVector,
+        /// The same of other parameters that are seen, in their units.
+        others: Vec<f64>,
+    },
+    /// V-optimality: what the errors of all that is seen do in a mission.
+    Use {
+        /// L_uᵀ L_u over all that is seen, arcsec² per squares of the parameters' units.
+        weight: DMatrix<f64>,
     },
 }
 
@@ -63,13 +76,14 @@ pub struct KnownBefore {
 
 impl fmt::Display for KnownBefore {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let which = match self.criterion {
+        let which = match &self.criterion {
             Criterion::A { .. } => " with a weight",
             Criterion::D | Criterion::E => "",
+            Criterion::Use { .. } => " that matters in the mission",
             Criterion::MaxRatio { .. } => " with a specification",
         };
         let names: Vec<&str> = self.coefficients.iter().map(|c| c.name()).collect();
-        let names = match (self.criterion, names.len()) {
+        let names = match (&self.criterion, names.len()) {
             (Criterion::D | Criterion::E, _) | (_, 0 | COEFFICIENTS) => String::new(),
             _ => format!(" ({})", names.join(", ")),
         };
@@ -87,6 +101,23 @@ impl Criterion {
     pub fn rms() -> Self {
         Self::A {
             weights: CoefficientVector::repeat(1.0),
+            others: Vec::new(),
+        }
+    }
+
+    /// A-optimality of the twelve coefficients.
+    pub const fn weighted(weights: CoefficientVector) -> Self {
+        Self::A {
+            weights,
+            others: Vec::new(),
+        }
+    }
+
+    /// The largest ratio to a specification of the twelve coefficients, °/h.
+    pub const fn max_ratio(spec_deg_per_h: CoefficientVector) -> Self {
+        Self::MaxRatio {
+            spec_deg_per_h,
+            others: Vec::new(),
         }
     }
 
@@ -107,7 +138,9 @@ impl Criterion {
     pub fn log(&self, covariance: &dyn CoefficientCovariance, smoothing: Smoothing) -> Result<f64> {
         match self {
             // The search's usual criterion: without a gradient that nobody wants.
-            Self::A { weights } => Ok(log_weighted_rms(covariance.matrix(), weights)),
+            Self::A { weights, others } if others.is_empty() => {
+                Ok(log_weighted_rms(covariance.matrix(), weights))
+            }
             Self::D => log_geometric_mean(covariance),
             _ => Ok(self.log_with_gradient(covariance, smoothing)?.0),
         }
@@ -124,21 +157,74 @@ impl Criterion {
         smoothing: Smoothing,
     ) -> Result<(f64, Slope)> {
         match self {
-            Self::A { weights } => Ok(weighted_rms(covariance.matrix(), weights)),
+            Self::A { weights, others } if others.is_empty() => {
+                Ok(weighted_rms(covariance.matrix(), weights))
+            }
+            Self::A { weights, others } => Ok(weighted_rms_of_all(
+                &covariance.seen().diagonal(),
+                &all(others, weights),
+            )),
             Self::D => geometric_mean(covariance),
             Self::E => worst_combination(covariance, smoothing),
-            Self::MaxRatio { spec_deg_per_h } => {
+            Self::MaxRatio {
+                spec_deg_per_h,
+                others,
+            } if others.is_empty() => {
                 Ok(worst_ratio(covariance.matrix(), spec_deg_per_h, smoothing))
             }
+            Self::MaxRatio {
+                spec_deg_per_h,
+                others,
+            } => Ok(worst_ratio_of_all(
+                &covariance.seen().diagonal(),
+                &all(others, spec_deg_per_h),
+                smoothing,
+            )),
+            Self::Use { weight } => Ok(attitude_error(&covariance.seen(), weight)),
         }
     }
 
     /// Whether the σ of a coefficient has a part in the value: a weight or a specification.
     pub fn counts(&self, coefficient: DriftCoefficient) -> bool {
         match self {
-            Self::A { weights } => weights[coefficient.index()] > 0.0,
+            Self::A { weights, .. } => weights[coefficient.index()] > 0.0,
             Self::D | Self::E => true,
-            Self::MaxRatio { spec_deg_per_h } => spec_deg_per_h[coefficient.index()].is_finite(),
+            Self::MaxRatio { spec_deg_per_h, .. } => {
+                spec_deg_per_h[coefficient.index()].is_finite()
+            }
+            Self::Use { weight } => {
+                let at = weight.nrows() - COEFFICIENTS + coefficient.index();
+                weight[(at, at)] > 0.0
+            }
+        }
+    }
+
+    /// A criterion of the twelve coefficients alone which, times the factor, is never above this one;
+    /// none where there is none of this form.
+    pub(crate) fn of_the_coefficients(&self) -> Option<(Self, f64)> {
+        match self {
+            Self::A { weights, others } => {
+                let (twelve, rest) = (weights.sum(), others.iter().sum::<f64>());
+                let factor = if rest > 0.0 {
+                    (twelve / (twelve + rest)).sqrt()
+                } else {
+                    1.0
+                };
+                Some((Self::weighted(*weights), factor))
+            }
+            Self::MaxRatio { spec_deg_per_h, .. } => Some((Self::max_ratio(*spec_deg_per_h), 1.0)),
+            Self::D | Self::E => Some((self.clone(), 1.0)),
+            Self::Use { .. } => None,
+        }
+    }
+
+    /// Whether parameters beside the twelve coefficients have a part in the value.
+    pub fn counts_others(&self) -> bool {
+        match self {
+            Self::D | Self::E => false,
+            Self::A { others, .. } => others.iter().any(|w| *w > 0.0),
+            Self::MaxRatio { others, .. } => others.iter().any(|s| s.is_finite()),
+            Self::Use { weight } => weight.nrows() > COEFFICIENTS,
         }
     }
 
@@ -166,8 +252,8 @@ impl Criterion {
         let all = DriftCoefficient::ALL.into_iter();
         let counting: Vec<DriftCoefficient> = all.filter(|c| self.counts(*c)).collect();
         let open = counting.iter().any(|c| prior_sigma[c.index()] > 0.0);
-        (!open).then_some(KnownBefore {
-            criterion: *self,
+        (!open && !self.counts_others()).then_some(KnownBefore {
+            criterion: self.clone(),
             coefficients: counting,
         })
     }
@@ -179,6 +265,7 @@ impl Criterion {
             Self::D => "d",
             Self::E => "e",
             Self::MaxRatio { .. } => "max-ratio",
+            Self::Use { .. } => "use",
         }
     }
 
@@ -198,6 +285,43 @@ fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, Slo
     let weighted = p.diagonal().dot(weights);
     let slope = Slope::Variances(weights / (2.0 * weighted));
     (log_weighted_rms(p, weights), slope)
+}
+
+/// Numbers of other parameters, then of the twelve.
+fn all(others: &[f64], twelve: &CoefficientVector) -> DVector<f64> {
+    let both = others.iter().chain(twelve.iter()).copied();
+    DVector::from_iterator(others.len() + COEFFICIENTS, both)
+}
+
+/// ln √(Σ w P_ii / Σ w) over all that is seen, and its gradient.
+fn weighted_rms_of_all(variances: &DVector<f64>, weights: &DVector<f64>) -> (f64, Slope) {
+    let weighted = variances.dot(weights);
+    (
+        0.5 * libm::log(weighted / weights.sum()),
+        Slope::SeenVariances(weights / (2.0 * weighted)),
+    )
+}
+
+/// ln √tr(W P), and its gradient.
+fn attitude_error(p: &DMatrix<f64>, weight: &DMatrix<f64>) -> (f64, Slope) {
+    let square = p.dot(weight);
+    (
+        0.5 * libm::log(square),
+        Slope::SeenCovariance(weight / (2.0 * square)),
+    )
+}
+
+/// ln max σ_i/spec_i over all that is seen, or its power mean.
+fn worst_ratio_of_all(
+    variances: &DVector<f64>,
+    spec: &DVector<f64>,
+    smoothing: Smoothing,
+) -> (f64, Slope) {
+    let squares = spec.map(|s| s * s);
+    let ratios: Vec<f64> = variances.component_div(&squares).iter().copied().collect();
+    let (log_value, shares) = soft_maximum(&ratios, smoothing);
+    let slope = DVector::from_fn(spec.len(), |i, _| 0.5 * shares[i] / squares[i]);
+    (0.5 * log_value, Slope::SeenVariances(slope))
 }
 
 /// ln det of the matrix that `cholesky` is of. (nalgebra's own takes logarithms of squares, which
@@ -341,12 +465,10 @@ mod tests {
         });
         let weights = CoefficientVector::from_fn(|i, _| 1.0 + i as f64);
         [
-            Criterion::A { weights },
+            Criterion::weighted(weights),
             Criterion::D,
             Criterion::E,
-            Criterion::MaxRatio {
-                spec_deg_per_h: spec,
-            },
+            Criterion::max_ratio(spec),
         ]
     }
 
@@ -360,7 +482,7 @@ mod tests {
         assert!((value(Criterion::D) - factorial.powf(1.0 / 12.0)).abs() < 1e-12);
         assert!((value(Criterion::E) - 12.0).abs() < 1e-12);
         let spec_deg_per_h = CoefficientVector::from_fn(|i, _| if i == 2 { 0.5 } else { 100.0 });
-        assert!((value(Criterion::MaxRatio { spec_deg_per_h }) - 6.0).abs() < 1e-12);
+        assert!((value(Criterion::max_ratio(spec_deg_per_h)) - 6.0).abs() < 1e-12);
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub use known::KnownParameter;
 use known::known_parameters;
 
 /// What makes one schedule better than another.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Objective {
     /// Criterion on the coefficient covariance.
     pub criterion: Criterion,
@@ -65,6 +65,11 @@ pub struct Objective {
     pub minimum_separability: f64,
     /// 1σ specification of each coefficient, °/h; infinite where there is none.
     pub spec_deg_per_h: Option<CoefficientVector>,
+    /// Parameters beside the twelve coefficients that the criterion sees, in its order: places in
+    /// [`ErrorModel::parameters`](crate::model::ErrorModel::parameters).
+    pub others: Vec<usize>,
+    /// Their 1σ specifications in their units; infinite where there is none.
+    pub spec_of_others: Vec<f64>,
     /// Coefficients that count and may stay unobservable all the same, by index.
     pub accept_unobservable: [bool; COEFFICIENTS],
 }
@@ -77,6 +82,8 @@ impl Default for Objective {
             separability_weight: Self::SEPARABILITY_WEIGHT,
             minimum_separability: 0.0,
             spec_deg_per_h: None,
+            others: Vec::new(),
+            spec_of_others: Vec::new(),
             accept_unobservable: [false; COEFFICIENTS],
         }
     }
@@ -220,7 +227,7 @@ pub struct Evaluator {
 impl Evaluator {
     /// An evaluator of schedules on `platform` by `objective`.
     pub fn new(platform: Platform, objective: Objective) -> Self {
-        let model = CovarianceModel::new(&platform);
+        let model = CovarianceModel::new(&platform).seeing(&objective.others);
         Self {
             instrument: Instrument::of(&platform),
             platform,
@@ -279,11 +286,12 @@ impl Evaluator {
         let observability = Observability::analyze(&self.model, &timeline)?;
         let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
         let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
+        let score = self.score(&full, &observability)?;
         let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
             overhead_s: timeline.overhead_s(),
-            score: self.score(&end, &observability)?,
+            score,
             end,
             parameters,
             budget,
@@ -380,9 +388,9 @@ impl Evaluator {
         })
     }
 
-    fn score(&self, end: &EndCovariance, observability: &Observability) -> Result<Score> {
+    fn score(&self, full: &FullCovariance, observability: &Observability) -> Result<Score> {
         let o = &self.objective;
-        let criterion = o.criterion.value(end)?;
+        let criterion = o.criterion.value(&full.seeing(&o.others))?;
         let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
         let counted = self.counted_separability(&observability.separability.map(libm::log));
         let separability_part = o.separability_weight * counted.0;
@@ -395,6 +403,25 @@ impl Evaluator {
             least_separability,
             meets_minimum_separability: least_separability >= o.minimum_separability,
         })
+    }
+
+    /// The covariance at the end of `timeline` by the filter's own rule, with the criterion.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
+    pub(crate) fn end_with_criterion(&self, timeline: &Timeline) -> Result<(EndCovariance, f64)> {
+        let Objective {
+            criterion, others, ..
+        } = &self.objective;
+        if others.is_empty() {
+            let end = self.model.end_covariance(timeline, TickRule::Filter)?;
+            let value = criterion.value(&end)?;
+            return Ok((end, value));
+        }
+        let full = self.model.full_covariance(timeline)?;
+        let value = criterion.value(&full.seeing(others))?;
+        Ok((full.end, value))
     }
 
     /// The figure of merit of a search: the score, plus a penalty below the minimum
@@ -491,7 +518,7 @@ impl Evaluator {
         if weight == 0.0 {
             return Ok((0.0, Slope::InRoot(CoefficientMatrix::zeros())));
         }
-        let criterion = self.objective.criterion;
+        let criterion = &self.objective.criterion;
         let (log, slope) = criterion.log_with_gradient(covariance, smoothing)?;
         Ok((weight * log, slope.times(weight)))
     }

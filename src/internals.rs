@@ -26,6 +26,7 @@ open!(
     drift,
     dynamics,
     evaluate,
+    mission,
     model,
     motion,
     observability,

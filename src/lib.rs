@@ -68,6 +68,7 @@ mod error;
 mod evaluate;
 #[doc(hidden)]
 pub mod internals;
+mod mission;
 mod model;
 mod motion;
 mod observability;

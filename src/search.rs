@@ -143,7 +143,7 @@ pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Eval
     evaluator.objective().criterion.is_known(prior).then(|| {
         let objective = Objective {
             covariance_weight: 0.0,
-            ..*evaluator.objective()
+            ..evaluator.objective().clone()
         };
         Evaluator::new(evaluator.platform().clone(), objective)
     })

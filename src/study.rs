@@ -38,8 +38,8 @@ use crate::commands::CommandTable;
 use crate::config::{CheckedConfig, StudyConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
+use crate::model::Mounting;
 use crate::motion::Timeline;
-use crate::platform::ErrorsConfig;
 use crate::results::{AnalysisDocument, BoundDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 
@@ -191,7 +191,7 @@ impl Study {
     /// [`Error::is_input`] when the limits contradict each other, [`Error::is_numerical`] when no
     /// bound can be computed.
     pub fn bound(&self) -> Result<BoundResult> {
-        self.only_of_the_paper("bound")?;
+        self.only_in_the_papers_mounting("bound")?;
         self.check_limits()?;
         let objective = self.evaluator.objective();
         let total_time_s = self.config().objective.total_time_s;
@@ -231,18 +231,32 @@ impl Study {
         self.checked.platform()
     }
 
-    /// Refuses a platform that `what` does not know yet: whatever is more than ψ and the twelve
-    /// coefficients in the paper's mounting, seen in two channels.
+    /// Refuses a platform of which `what` would leave something out: whatever is more than ψ and the
+    /// twelve coefficients in the paper's mounting, seen in two channels.
     fn only_of_the_paper(&self, what: &str) -> Result<()> {
-        let platform = self.checked.platform();
-        if platform.is_of_the_paper() {
-            return Ok(());
+        match self.checked.platform().is_of_the_paper() {
+            true => Ok(()),
+            false => self.refuse_full(what),
         }
-        let config = &self.config().platform;
-        let (key, value) = match (&config.errors, config.azimuth.noise_arcsec) {
-            (errors, _) if *errors != ErrorsConfig::default() => ("errors", None),
-            (_, Some(noise)) => ("azimuth.noise_arcsec", Some(noise)),
-            _ => ("gyro.output_axis", None),
+    }
+
+    /// The same for what knows other parameters: only the mounting and the azimuth are refused.
+    fn only_in_the_papers_mounting(&self, what: &str) -> Result<()> {
+        let model = self.evaluator.model();
+        match model.is_searchable() && *model.mounting() == Mounting::PAPER {
+            true => Ok(()),
+            false => self.refuse_full(what),
+        }
+    }
+
+    /// Refuses by the first key that `what` does not know.
+    fn refuse_full(&self, what: &str) -> Result<()> {
+        let noise_arcsec = self.config().platform.azimuth.noise_arcsec;
+        let is_papers = *self.evaluator.model().mounting() == Mounting::PAPER;
+        let (key, value) = match (noise_arcsec, is_papers) {
+            (Some(noise), _) => ("azimuth.noise_arcsec", Some(noise)),
+            (None, false) => ("gyro.output_axis", None),
+            (None, true) => ("errors", None),
         };
         let error = Error::input(format!("`{what}` does not take this into account yet"))
             .with_key(key)

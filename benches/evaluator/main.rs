@@ -22,6 +22,7 @@ mod naive;
 mod ratios;
 #[path = "../../tests/battery/schedules.rs"]
 mod schedules;
+mod wide;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -34,6 +35,7 @@ use scheme_opt::internals::motion::Timeline;
 fn main() {
     if std::env::args().any(|arg| arg == "--ratios") {
         ratios::print();
+        ratios::print_wide();
     } else {
         divan::main();
     }

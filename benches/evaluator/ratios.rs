@@ -4,10 +4,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use scheme_opt::internals::covariance::{CoefficientCovariance, TickRule};
+use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};
 
-use crate::{Case, batch, naive};
+use crate::{Case, batch, naive, wide};
 
 /// Rounds in which everything is measured once.
 const ROUNDS: usize = 300;
@@ -65,9 +65,67 @@ pub fn print() {
         }
         filter.push(naive_s);
     }
+    show(filter, once.map(|(name, _)| name), taken);
+}
+
+/// Medians.
+fn show(filter: Vec<f64>, names: [&str; 4], taken: [(Vec<f64>, Vec<f64>); 4]) {
     println!("step-by-step filter: {:.0} µs", 1e6 * median(filter));
-    for ((name, _), (times, ratios)) in once.iter().zip(taken) {
+    for (name, (times, ratios)) in names.iter().zip(taken) {
         let (taken, ratio) = (1e6 * median(times), median(ratios));
         println!("{name}: {taken:.3} µs, {ratio:.0} times faster");
     }
+}
+
+/// The same with 33 parameters. The filter takes so long that few rounds are enough.
+pub fn print_wide() {
+    let case = Case::relaxed(12);
+    let (platform, timeline) = (wide::platform(), case.timeline(0));
+    let (model, parameters) = (CovarianceModel::new(&platform), wide::parameters(&platform));
+    let (_, timelines) = batch(case);
+    let many = timelines.len() as f64;
+    let rule = TickRule::Relaxed;
+    let log = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
+    let slope =
+        |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+    let repeated = |work: &dyn Fn()| time(|| (0..50).for_each(|_| work())) / 50.0;
+    let whole = Case::whole(12).timeline(0);
+    let by_filter = wide::covariance_trace(&platform, &parameters, &whole);
+    let trace = |p: &dyn CoefficientCovariance| Ok(p.matrix().trace());
+    let found = model.value(&whole, TickRule::Filter, trace);
+    let found = found.unwrap_or(f64::NAN);
+    assert!(
+        (found / by_filter - 1.0).abs() < 1e-3,
+        "{found} {by_filter}"
+    );
+    let once: [(&str, &dyn Fn() -> f64); 4] = [
+        ("value, 33 parameters", &|| {
+            repeated(&|| {
+                let _ = black_box(model.value(black_box(&timeline), rule, log));
+            })
+        }),
+        ("gradient, 33 parameters", &|| {
+            repeated(&|| {
+                let _ = black_box(model.gradient(black_box(&timeline), rule, slope));
+            })
+        }),
+        ("value in lanes, 33 parameters", &|| {
+            time(|| model.values(black_box(&timelines), rule, log)) / many
+        }),
+        ("gradient in lanes, 33 parameters", &|| {
+            time(|| model.gradients(black_box(&timelines), rule, slope)) / many
+        }),
+    ];
+    let mut filter = Vec::new();
+    let mut taken = [(); 4].map(|()| (Vec::new(), Vec::new()));
+    for _ in 0..ROUNDS / 10 {
+        let naive_s = time(|| wide::covariance_trace(&platform, &parameters, black_box(&timeline)));
+        for ((_, work), (times, ratios)) in once.iter().zip(&mut taken) {
+            let s = work();
+            times.push(s);
+            ratios.push(naive_s / s);
+        }
+        filter.push(naive_s);
+    }
+    show(filter, once.map(|(name, _)| name), taken);
 }

@@ -117,11 +117,9 @@ fn times_table(problems: &[Problem]) {
         let control = Control::default();
         // The specification: 0.001 °/h for all, widened by the ratio that T allows.
         let of = |deg_per_h: f64| Objective {
-            criterion: Criterion::MaxRatio {
-                spec_deg_per_h: CoefficientVector::repeat(deg_per_h),
-            },
+            criterion: Criterion::max_ratio(CoefficientVector::repeat(deg_per_h)),
             spec_deg_per_h: Some(CoefficientVector::repeat(deg_per_h)),
-            ..*plain.objective()
+            ..plain.objective().clone()
         };
         let evaluator = Evaluator::new(plain.platform().clone(), of(0.001));
         let accurate = search(&evaluator, &search_problem, &control).unwrap();

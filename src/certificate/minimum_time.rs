@@ -70,9 +70,7 @@ impl Certifier {
         if prior.iter().zip(spec_deg_per_h.iter()).all(|(p, s)| p <= s) {
             return Ok(MinimumTime::Nothing);
         }
-        let criterion = Criterion::MaxRatio {
-            spec_deg_per_h: *spec_deg_per_h,
-        };
+        let criterion = Criterion::max_ratio(*spec_deg_per_h);
         let period = self.conditions.period_s;
         let longest = MAX_DURATION_S.min(MAX_FILTER_PERIODS * period);
         let ratio = |time: f64| {

@@ -297,7 +297,7 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
 
 /// Lower bounds on each σ.
 pub(super) fn sigma_bounds(document: &BoundDocument) -> String {
-    let spec = &document.inputs.objective.spec_deg_per_h;
+    let spec = document.inputs.objective.specification();
     let rows = document
         .sigma_lower_bound_deg_per_h
         .iter()

@@ -71,7 +71,7 @@ pub(super) fn best_order(
     let by_accuracy = (!evaluator.objective().is_led_by_separability()).then(|| {
         let objective = Objective {
             separability_weight: 0.0,
-            ..*evaluator.objective()
+            ..evaluator.objective().clone()
         };
         Evaluator::new(evaluator.platform().clone(), objective)
     });
@@ -296,7 +296,7 @@ mod tests {
         ];
         for objective in objectives {
             let config = platforms().swap_remove(2);
-            let evaluator = Evaluator::new(config.check().unwrap(), objective);
+            let evaluator = Evaluator::new(config.check().unwrap(), objective.clone());
             for positions in sets() {
                 let orders = Orders {
                     evaluator: &evaluator,

@@ -25,11 +25,33 @@ pub(super) static KNOWN: LazyLock<Vec<(String, Absent)>> = LazyLock::new(|| {
         .flat_map(error_keys);
     let errors = errors.map(|key| (key, Nothing));
     let platform = OF_THE_PLATFORM.iter().map(own);
+    // The tables with a number per parameter stand behind what else there is in [objective].
+    let (objective, rest): (Vec<_>, Vec<_>) = OF_THE_TASK
+        .iter()
+        .map(own)
+        .partition(|(key, _)| key.starts_with("objective."));
+    let per_parameter = per_parameter().map(|key| (key, Nothing));
     platform
         .chain(errors)
-        .chain(OF_THE_TASK.iter().map(own))
+        .chain(objective)
+        .chain(per_parameter)
+        .chain(rest)
         .collect()
 });
+
+/// Keys of the tables with a number per parameter.
+fn per_parameter() -> impl Iterator<Item = String> {
+    let coefficients = || DriftCoefficient::ALL.map(|c| c.name()).into_iter();
+    let others = || model::optional_groups().flat_map(|g| g.names).copied();
+    let in_table = |table: &'static str, all: bool| {
+        let others = others().filter(move |_| all);
+        let names = ["default"].into_iter().chain(coefficients()).chain(others);
+        names.map(move |name| format!("objective.{table}.{name}"))
+    };
+    in_table("weights", true)
+        .chain(in_table("spec", true))
+        .chain(in_table("spec_deg_per_h", false))
+}
 
 /// Keys of a table of errors.
 fn error_keys(table: &str) -> impl Iterator<Item = String> {
@@ -73,35 +95,10 @@ const OF_THE_TASK: &[(&str, Absent)] = &[
     ("objective.mode", Assumed),
     ("objective.criterion", Assumed),
     ("objective.total_time_s", Assumed),
+    ("objective.use", Nothing),
     ("objective.score.covariance_weight", Assumed),
     ("objective.score.separability_weight", Assumed),
     ("objective.score.minimum_separability", Assumed),
-    ("objective.weights.default", Nothing),
-    ("objective.weights.D_FX", Nothing),
-    ("objective.weights.D_FY", Nothing),
-    ("objective.weights.D_FZ", Nothing),
-    ("objective.weights.D_IX", Nothing),
-    ("objective.weights.D_IY", Nothing),
-    ("objective.weights.D_IZ", Nothing),
-    ("objective.weights.D_OX", Nothing),
-    ("objective.weights.D_OY", Nothing),
-    ("objective.weights.D_OZ", Nothing),
-    ("objective.weights.D_SX", Nothing),
-    ("objective.weights.D_SY", Nothing),
-    ("objective.weights.D_SZ", Nothing),
-    ("objective.spec_deg_per_h.default", Nothing),
-    ("objective.spec_deg_per_h.D_FX", Nothing),
-    ("objective.spec_deg_per_h.D_FY", Nothing),
-    ("objective.spec_deg_per_h.D_FZ", Nothing),
-    ("objective.spec_deg_per_h.D_IX", Nothing),
-    ("objective.spec_deg_per_h.D_IY", Nothing),
-    ("objective.spec_deg_per_h.D_IZ", Nothing),
-    ("objective.spec_deg_per_h.D_OX", Nothing),
-    ("objective.spec_deg_per_h.D_OY", Nothing),
-    ("objective.spec_deg_per_h.D_OZ", Nothing),
-    ("objective.spec_deg_per_h.D_SX", Nothing),
-    ("objective.spec_deg_per_h.D_SY", Nothing),
-    ("objective.spec_deg_per_h.D_SZ", Nothing),
     ("objective.accept_unobservable", Nothing),
     ("search.max_positions", Assumed),
     ("search.allow_tumbling", Assumed),

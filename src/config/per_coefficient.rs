@@ -1,4 +1,4 @@
-//! Tables with one number per drift coefficient.
+//! Tables with one number per drift coefficient, and per other parameter of the error model.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,10 +8,12 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::error::{Error, Result};
+use crate::model::{ErrorModel, Role, optional_parameter};
 use crate::platform::in_range;
 
-/// One number for all drift coefficients, or for single ones: the tables
-/// `[objective.spec_deg_per_h]` (°/h, per g) and `[objective.weights]`.
+/// One number for all drift coefficients, or for single ones, or for other parameters of the error
+/// model: the tables `[objective.spec]` (each in its own unit), `[objective.spec_deg_per_h]` (drift
+/// coefficients only, °/h, per g) and `[objective.weights]`.
 ///
 /// ```
 /// use scheme_opt::internals::drift::DriftCoefficient;
@@ -19,16 +21,19 @@ use crate::platform::in_range;
 /// let spec = PerCoefficient {
 ///     default: Some(0.005),
 ///     coefficients: [(DriftCoefficient::IX, 0.01)].into(),
+///     others: Default::default(),
 /// };
 /// assert_eq!(spec.of(DriftCoefficient::IX), Some(0.01));
 /// assert_eq!(spec.of(DriftCoefficient::SZ), Some(0.005));
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PerCoefficient {
-    /// For every coefficient that is not named.
+    /// For every drift coefficient that is not named.
     pub default: Option<f64>,
-    /// For single coefficients.
+    /// For single drift coefficients.
     pub coefficients: BTreeMap<DriftCoefficient, f64>,
+    /// For other parameters, by name: `T_XY`, `K_0Z` …
+    pub others: BTreeMap<&'static str, f64>,
 }
 
 /// How a file has it, for the JSON Schema: `default` and the names of coefficients.
@@ -41,12 +46,13 @@ impl PerCoefficient {
         Self {
             default: Some(value),
             coefficients: BTreeMap::new(),
+            others: BTreeMap::new(),
         }
     }
 
     /// True when no number is given.
     pub fn is_empty(&self) -> bool {
-        self.default.is_none() && self.coefficients.is_empty()
+        self.default.is_none() && self.coefficients.is_empty() && self.others.is_empty()
     }
 
     /// The number of a coefficient, if it has one.
@@ -64,7 +70,8 @@ impl PerCoefficient {
             .coefficients
             .iter()
             .map(|(c, value)| (c.name(), *value));
-        default.into_iter().chain(named)
+        let others = self.others.iter().map(|(name, value)| (*name, *value));
+        default.into_iter().chain(named).chain(others)
     }
 
     /// One value per coefficient, `otherwise` where there is none.
@@ -83,11 +90,44 @@ impl PerCoefficient {
         (!self.is_empty()).then(|| self.filled(f64::INFINITY))
     }
 
+    /// The numbers of other parameters, by their places in `errors`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for one that the platform does not have, or that its filter does not
+    /// estimate.
+    pub(super) fn of_others(&self, table: &str, errors: &ErrorModel) -> Result<Vec<(usize, f64)>> {
+        let place = |(name, value): (&&'static str, &f64)| {
+            let refused = |message: &str, allowed: String| {
+                Err(Error::input(message)
+                    .with_key(format!("{table}.{name}"))
+                    .with_value(value)
+                    .with_allowed(allowed))
+            };
+            let all = errors.parameters();
+            match all.iter().position(|p| p.name == *name) {
+                None => {
+                    let group = optional_parameter(name).map_or("", |(group, _)| group.key);
+                    refused(
+                        "the platform has no such parameter",
+                        format!("left out, or {name} with a prior sigma: errors.{group}"),
+                    )
+                }
+                Some(at) if all[at].role == Role::Considered => refused(
+                    "the filter does not estimate this parameter, so that no test changes its sigma",
+                    format!("left out, or {name} in [errors] instead of [errors.considered]"),
+                ),
+                Some(at) => Ok((at, *value)),
+            }
+        };
+        self.others.iter().map(place).collect()
+    }
+
     /// As specifications: one per coefficient, °/h (per g), infinite where there is none;
-    /// `None` when there is none at all.
-    pub(super) fn check_spec(&self) -> Result<Option<CoefficientVector>> {
+    /// `None` when there is none at all. `table` is what they are given in.
+    pub(super) fn check_spec(&self, table: &str) -> Result<Option<CoefficientVector>> {
         for (name, value) in self.given() {
-            let key = format!("objective.spec_deg_per_h.{name}");
+            let key = format!("{table}.{name}");
             in_range(
                 &key,
                 value,
@@ -106,7 +146,7 @@ impl PerCoefficient {
             in_range(&key, value, 0.0, 1e6, "0 to 1e6")?;
         }
         let weights = self.filled(1.0);
-        if weights.max() == 0.0 {
+        if weights.max() == 0.0 && self.others.values().all(|w| *w == 0.0) {
             return Err(Error::input("nothing is left to optimise")
                 .with_key("objective.weights")
                 .with_value("every weight 0")
@@ -124,6 +164,9 @@ impl Serialize for PerCoefficient {
         }
         for (coefficient, value) in &self.coefficients {
             map.serialize_entry(coefficient.name(), value)?;
+        }
+        for (name, value) in &self.others {
+            map.serialize_entry(name, value)?;
         }
         map.end()
     }
@@ -145,11 +188,14 @@ impl<'de> Deserialize<'de> for PerCoefficient {
                 while let Some(name) = map.next_key::<String>()? {
                     let earlier = if name == "default" {
                         spec.default.replace(map.next_value()?)
-                    } else {
-                        let coefficient = DriftCoefficient::from_name(&name).ok_or_else(|| {
-                            A::Error::custom(format!("`{name}` is no drift coefficient"))
-                        })?;
+                    } else if let Some(coefficient) = DriftCoefficient::from_name(&name) {
                         spec.coefficients.insert(coefficient, map.next_value()?)
+                    } else if let Some((group, at)) = optional_parameter(&name) {
+                        spec.others.insert(group.names[at], map.next_value()?)
+                    } else {
+                        return Err(A::Error::custom(format!(
+                            "`{name}` is no parameter of the error model"
+                        )));
                     };
                     if earlier.is_some() {
                         return Err(A::Error::custom(format!("`{name}` is given twice")));
@@ -175,16 +221,22 @@ mod tests {
             serde_json::from_str::<PerCoefficient>(&written).unwrap(),
             spec
         );
-        let values = spec.check_spec().unwrap().unwrap();
+        let values = spec.check_spec("objective.spec").unwrap().unwrap();
         assert_eq!(values[DriftCoefficient::SZ.index()], 1.0);
         assert_eq!(values[DriftCoefficient::FX.index()], 0.5);
 
         let one: PerCoefficient = serde_json::from_str(r#"{"D_FX": 2}"#).unwrap();
-        let values = one.check_spec().unwrap().unwrap();
+        let values = one.check_spec("objective.spec").unwrap().unwrap();
         assert_eq!(values[0], 2.0);
         assert!(values.iter().skip(1).all(|v| *v == f64::INFINITY));
 
-        assert_eq!(PerCoefficient::default().check_spec(), Ok(None));
+        assert_eq!(
+            PerCoefficient::default().check_spec("objective.spec"),
+            Ok(None)
+        );
+        let other: PerCoefficient = serde_json::from_str(r#"{"T_XY": 2}"#).unwrap();
+        assert_eq!(other.others["T_XY"], 2.0);
+        assert_eq!(serde_json::to_string(&other).unwrap(), r#"{"T_XY":2.0}"#);
         for bad in [r#"{"D_XX": 1}"#, r#"{"D_FX": 1, "D_FX": 2}"#, "3"] {
             assert!(serde_json::from_str::<PerCoefficient>(bad).is_err());
         }

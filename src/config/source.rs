@@ -58,7 +58,7 @@ impl StudySource {
     /// ```
     pub fn parse(text: &str, file: Option<&Path>) -> Result<Self> {
         let document = Document::parse(text::without_bom(text));
-        let (config, document) =
+        let (mut config, document) =
             document
                 .and_then(Document::into_config)
                 .map_err(|e| match file {
@@ -66,6 +66,13 @@ impl StudySource {
                     None => e,
                 })?;
         let lines: BTreeMap<_, _> = document.into_iter().map(|(k, p)| (k, p.line)).collect();
+        if let (Some(profile), Some(folder)) = (
+            &mut config.objective.use_profile,
+            file.and_then(Path::parent),
+        ) {
+            // As a person writes it: beside the file that names it.
+            *profile = folder.join(&*profile);
+        }
         Ok(Self {
             config,
             file: file.map(Path::to_owned),

@@ -1,5 +1,7 @@
 //! The task as a person describes it: the `[objective]` and `[search]` tables of a platform file.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use super::PerCoefficient;
@@ -60,11 +62,13 @@ pub enum CriterionKind {
     E,
     /// The largest ratio of a σ to its specification.
     MaxRatio,
+    /// The attitude error after the mission of `objective.use`.
+    Use,
 }
 
 impl CriterionKind {
     /// All criteria.
-    pub const ALL: [Self; 4] = [Self::A, Self::D, Self::E, Self::MaxRatio];
+    pub const ALL: [Self; 5] = [Self::A, Self::D, Self::E, Self::MaxRatio, Self::Use];
 
     /// The name used in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -73,6 +77,7 @@ impl CriterionKind {
             Self::D => "d",
             Self::E => "e",
             Self::MaxRatio => "max-ratio",
+            Self::Use => "use",
         }
     }
 
@@ -114,12 +119,22 @@ pub struct ObjectiveConfig {
     pub total_time_s: f64,
     /// How covariance and separability enter the score.
     pub score: ScoreConfig,
-    /// Weights of the variances in criterion `a`, 0 to 1e6; 1 for those without one. The other
-    /// criteria have none.
+    /// Specific force over time after the test, a CSV file, for criterion `use`: time_s, f_x, f_y, f_z
+    /// (g, platform axes) and, where it turns, w_x, w_y, w_z (°/s).
+    #[serde(rename = "use", skip_serializing_if = "Option::is_none")]
+    pub use_profile: Option<PathBuf>,
+    /// Weights of the variances in criterion `a`, 0 to 1e6; 1 for drift coefficients without one, 0 for
+    /// other parameters. The other criteria have none.
     #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
     #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
     pub weights: PerCoefficient,
-    /// 1σ specification of the coefficients, °/h (per g), greater than 0, to 1e12.
+    /// 1σ specification of any parameter in its own unit, greater than 0, to 1e12; `default` is for the
+    /// drift coefficients.
+    #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
+    pub spec: PerCoefficient,
+    /// 1σ specification of the drift coefficients, °/h (per g), greater than 0, to 1e12: `spec` for
+    /// those alone.
     #[serde(skip_serializing_if = "PerCoefficient::is_empty")]
     #[cfg_attr(feature = "schema", schemars(with = "super::per_coefficient::Named"))]
     pub spec_deg_per_h: PerCoefficient,
@@ -136,7 +151,9 @@ impl Default for ObjectiveConfig {
             criterion: CriterionKind::default(),
             total_time_s: 12_000.0,
             score: ScoreConfig::default(),
+            use_profile: None,
             weights: PerCoefficient::default(),
+            spec: PerCoefficient::default(),
             spec_deg_per_h: PerCoefficient::default(),
             accept_unobservable: Vec::new(),
         }

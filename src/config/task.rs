@@ -16,6 +16,8 @@ impl CheckedConfig {
             separability_weight: score.separability_weight,
             minimum_separability: score.minimum_separability,
             spec_deg_per_h: self.spec_deg_per_h().copied(),
+            others: self.aims().others.clone(),
+            spec_of_others: self.aims().spec_of_others.clone(),
             accept_unobservable: DriftCoefficient::ALL
                 .map(|c| self.objective().accept_unobservable.contains(&c)),
         }
@@ -56,9 +58,11 @@ impl CheckedConfig {
             Mode::Time => CriterionKind::MaxRatio,
             Mode::Accuracy | Mode::Pareto => self.objective().criterion,
         };
+        let aims = self.aims();
         match kind {
             CriterionKind::A => Criterion::A {
                 weights: *self.weights(),
+                others: only_where_any(&aims.weights_of_others, |w| *w > 0.0),
             },
             CriterionKind::D => Criterion::D,
             CriterionKind::E => Criterion::E,
@@ -68,8 +72,21 @@ impl CheckedConfig {
                     .spec_deg_per_h()
                     .copied()
                     .unwrap_or_else(|| CoefficientVector::repeat(f64::INFINITY)),
+                others: only_where_any(&aims.spec_of_others, |s| s.is_finite()),
+            },
+            CriterionKind::Use => Criterion::Use {
+                // Without a profile the check of the study has refused this criterion.
+                weight: aims.use_weight.clone().unwrap_or_default(),
             },
         }
+    }
+}
+
+/// Numbers of other parameters, none where they say nothing.
+fn only_where_any(values: &[f64], says: impl Fn(&f64) -> bool) -> Vec<f64> {
+    match values.iter().any(says) {
+        true => values.to_vec(),
+        false => Vec::new(),
     }
 }
 
@@ -90,15 +107,10 @@ mod tests {
         let weights = CoefficientVector::repeat(2.0);
         let spec = CoefficientVector::repeat(0.004);
         for (kind, criterion) in [
-            (CriterionKind::A, Criterion::A { weights }),
+            (CriterionKind::A, Criterion::weighted(weights)),
             (CriterionKind::D, Criterion::D),
             (CriterionKind::E, Criterion::E),
-            (
-                CriterionKind::MaxRatio,
-                Criterion::MaxRatio {
-                    spec_deg_per_h: spec,
-                },
-            ),
+            (CriterionKind::MaxRatio, Criterion::max_ratio(spec)),
         ] {
             config.objective.criterion = kind;
             let study = config.check().unwrap();

@@ -8,9 +8,11 @@
 //! The **budget** says the same of every group of `[errors]`: what a filter would add that ignored it
 //! and estimated the rest.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, Matrix3};
 
-use super::{CovarianceRoot, EndCovariance};
+use super::{CoefficientCovariance, CovarianceRoot, EndCovariance};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::model::{ErrorModel, Role};
 
@@ -184,6 +186,11 @@ impl FullCovariance {
         all.chain(budget).all(|v| v.is_finite())
     }
 
+    /// P as a criterion sees it that counts `others` besides the twelve coefficients.
+    pub(crate) fn seeing<'a>(&'a self, others: &'a [usize]) -> Seeing<'a> {
+        Seeing { full: self, others }
+    }
+
     /// 1σ of every estimated parameter in its unit: the truth.
     pub fn sigma(&self) -> Vec<f64> {
         self.parameters
@@ -196,6 +203,28 @@ impl FullCovariance {
     /// 1σ of every estimated parameter in its unit: what the filter claims.
     pub fn claimed_sigma(&self) -> Vec<f64> {
         self.claimed.diagonal().iter().map(|v| v.sqrt()).collect()
+    }
+}
+
+/// The truth of other parameters and of the twelve coefficients.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seeing<'a> {
+    full: &'a FullCovariance,
+    /// Places in the model's parameters.
+    others: &'a [usize],
+}
+
+impl CoefficientCovariance for Seeing<'_> {
+    fn matrix(&self) -> &CoefficientMatrix {
+        self.full.end.matrix()
+    }
+    fn root(&self) -> Cow<'_, CovarianceRoot> {
+        self.full.end.root()
+    }
+    fn seen(&self) -> DMatrix<f64> {
+        let all: Vec<usize> = self.others.iter().copied().chain(0..COEFFICIENTS).collect();
+        let p = &self.full.parameters;
+        DMatrix::from_fn(all.len(), all.len(), |i, j| p[(all[i], all[j])])
     }
 }
 

@@ -104,7 +104,16 @@ impl LookedUp<'_> {
 impl KernelTable {
     /// The table for a period (s), drift PSD q (arcsec²/s) and measurement variance r² (arcsec²).
     pub(crate) fn new(dynamics: ErrorDynamics, period_s: f64, q: f64, r2: f64) -> Self {
-        let measured = [Some(r2), None, Some(r2)];
+        Self::measuring(dynamics, period_s, q, [Some(r2), None, Some(r2)])
+    }
+
+    /// The same with the variance (arcsec²) of each component of ψ^n that is measured.
+    pub(super) fn measuring(
+        dynamics: ErrorDynamics,
+        period_s: f64,
+        q: f64,
+        measured: [Option<f64>; 3],
+    ) -> Self {
         Self {
             doublings: Doublings::new(&dynamics, period_s, q, measured),
             remembered: (0..REMEMBERED).map(|_| OnceLock::new()).collect(),

@@ -7,6 +7,8 @@
 
 use std::borrow::Cow;
 
+use nalgebra::{DMatrix, DVector};
+
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 
 /// L with P_D = L Lᵀ, °/h: triangular but for the order of its rows.
@@ -67,6 +69,12 @@ pub trait CoefficientCovariance {
     fn matrix(&self) -> &CoefficientMatrix;
     /// A root of it, worked out when it is asked for.
     fn root(&self) -> Cow<'_, CovarianceRoot>;
+    /// P over all that a figure of merit sees: other parameters, then the twelve, in their units and
+    /// with what considered parameters do. P_D where nothing else is seen.
+    fn seen(&self) -> DMatrix<f64> {
+        let p = self.matrix();
+        DMatrix::from_fn(COEFFICIENTS, COEFFICIENTS, |i, j| p[(i, j)])
+    }
 }
 
 /// P_D with its root.
@@ -158,6 +166,10 @@ pub enum Slope {
     /// K = Lᵀ G L with df = tr(G dP_D), in the columns of the root L: where G itself, as large as
     /// P_D⁻¹, would have lost its digits.
     InRoot(CoefficientMatrix),
+    /// ∂f/∂P_ii over all that is [seen](CoefficientCovariance::seen).
+    SeenVariances(DVector<f64>),
+    /// G with df = tr(G dP) over all that is seen.
+    SeenCovariance(DMatrix<f64>),
 }
 
 impl Slope {
@@ -166,30 +178,49 @@ impl Slope {
         match self {
             Self::Variances(g) => Self::Variances(g * factor),
             Self::InRoot(k) => Self::InRoot(k * factor),
+            Self::SeenVariances(g) => Self::SeenVariances(g * factor),
+            Self::SeenCovariance(g) => Self::SeenCovariance(g * factor),
         }
     }
 
-    /// Lᵀ G L.
-    pub fn in_root(&self, of: &dyn CoefficientCovariance) -> CoefficientMatrix {
+    /// G over the twelve; what else is seen comes before them.
+    fn of_covariance(&self) -> Option<CoefficientMatrix> {
         match self {
-            Self::InRoot(k) => *k,
-            Self::Variances(g) => {
+            Self::InRoot(_) => None,
+            Self::Variances(g) => Some(CoefficientMatrix::from_diagonal(g)),
+            Self::SeenVariances(g) => {
+                let first = g.len() - COEFFICIENTS;
+                let diagonal = CoefficientVector::from_fn(|i, _| g[first + i]);
+                Some(CoefficientMatrix::from_diagonal(&diagonal))
+            }
+            Self::SeenCovariance(g) => {
+                let first = g.nrows() - COEFFICIENTS;
+                Some(CoefficientMatrix::from_fn(|i, j| g[(first + i, first + j)]))
+            }
+        }
+    }
+
+    /// Lᵀ G L, of the twelve.
+    pub fn in_root(&self, of: &dyn CoefficientCovariance) -> CoefficientMatrix {
+        match (self, self.of_covariance()) {
+            (Self::InRoot(k), _) => *k,
+            (_, g) => {
                 let root = of.root();
-                root.matrix.transpose() * CoefficientMatrix::from_diagonal(g) * root.matrix
+                root.matrix.transpose() * g.unwrap_or_default() * root.matrix
             }
         }
     }
 
     /// Ē = ∂f/∂E = −P G P with E the information on D, P_D = E⁻¹.
     pub fn of_information(&self, of: &dyn CoefficientCovariance) -> CoefficientMatrix {
-        match self {
-            Self::Variances(g) => {
-                let p = of.matrix();
-                -(p * CoefficientMatrix::from_diagonal(g) * p)
-            }
-            Self::InRoot(k) => {
+        match (self, self.of_covariance()) {
+            (Self::InRoot(k), _) => {
                 let root = of.root();
                 -(root.matrix * k * root.matrix.transpose())
+            }
+            (_, g) => {
+                let p = of.matrix();
+                -(p * g.unwrap_or_default() * p)
             }
         }
     }

@@ -327,6 +327,19 @@ impl CovarianceModel {
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
     pub(crate) fn full_covariance_in<T: Real>(&self, timeline: &Timeline) -> Result<FullWithTold> {
+        self.full_covariance_by::<T>(timeline, TickRule::Filter)
+    }
+
+    /// The same by any tick rule.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::full_covariance_in`].
+    pub(super) fn full_covariance_by<T: Real>(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+    ) -> Result<FullWithTold> {
         let selection = Selection::<T>::new(self);
         let priors: Vec<f64> = self
             .errors
@@ -335,13 +348,7 @@ impl CovarianceModel {
             .map(|p| p.prior_sigma)
             .collect();
         let mut rows = Rows::on(&priors);
-        let reached = run(
-            &selection,
-            timeline,
-            TickRule::Filter,
-            &mut rows,
-            &mut NoRecord,
-        );
+        let reached = run(&selection, timeline, rule, &mut rows, &mut NoRecord);
         let told = rows.largest();
         let Question { others, ignored } = Question::of(&self.errors);
         let twelve = coefficients();

@@ -151,12 +151,16 @@ impl CovarianceModel {
     /// 1e8 times better than its prior, I + R11 P R11ᵀ loses its I. Under the filter's rule it is
     /// then worked out in numbers of 32 digits.
     ///
-    /// Of the twelve coefficients alone, in the paper's mounting: for searches.
+    /// By the filter's rule with everything that the platform has; by the relaxed one of the twelve
+    /// coefficients alone, in the paper's mounting.
     ///
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows.
     pub fn end_covariance(&self, timeline: &Timeline, rule: TickRule) -> Result<EndCovariance> {
+        if rule == TickRule::Filter && !self.is_of_the_paper() {
+            return Ok(self.full_covariance(timeline)?.end);
+        }
         let (mut rows, state) = self.rows(timeline, rule);
         let told = rows.largest();
         let root = rows.covariance_root();

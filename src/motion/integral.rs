@@ -87,12 +87,6 @@ pub(crate) struct Panels {
 }
 
 impl Panels {
-    /// For `length_s` of the move.
-    #[inline]
-    pub fn of(m: &Move, length_s: f64) -> Self {
-        Self::of_half_phase(half_phase(m, length_s))
-    }
-
     /// For half a phase of `kappa`.
     #[inline]
     pub fn of_half_phase(kappa: f64) -> Self {

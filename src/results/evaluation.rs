@@ -327,10 +327,12 @@ impl ScoreRecord {
 }
 
 /// The unit of a criterion's value.
-pub(super) const fn criterion_unit(criterion: &Criterion) -> &'static str {
+pub(super) fn criterion_unit(criterion: &Criterion) -> &'static str {
     match criterion {
+        Criterion::A { .. } if criterion.counts_others() => "mixed",
         Criterion::A { .. } | Criterion::D | Criterion::E => "deg/h",
         Criterion::MaxRatio { .. } => "1",
+        Criterion::Use { .. } => "arcsec",
     }
 }
 

@@ -231,7 +231,7 @@ impl SimulationDocument {
             nees: p.nees,
             nees_coefficients: p.nees_coefficients,
         };
-        let spec = inputs.config.objective.spec_deg_per_h.as_vector();
+        let spec = inputs.config.objective.specification().as_vector();
         let judgement = Judgement::new(found, spec.as_ref());
         Self {
             schema: SIMULATION_SCHEMA.to_owned(),

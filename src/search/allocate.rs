@@ -116,6 +116,11 @@ impl LocalModel {
     ) -> Option<Self> {
         let model = evaluator.model();
         let platform = evaluator.platform();
+        if !model.is_of_the_paper() {
+            // What one more period tells is worked out of the twelve coefficients alone; with other
+            // parameters beside them L-BFGS has the dwells to itself.
+            return None;
+        }
         let count = plan.angles.len();
         work.count_evaluations(count as u64 + 1);
         let timeline = plan.timeline(platform);

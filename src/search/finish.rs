@@ -10,7 +10,6 @@ use super::refine::{refine, refine_angles};
 use super::together::refine_all;
 use super::workshop::Workshop;
 use crate::attitude::{Position, decimal, deg_of_rad};
-use crate::covariance::TickRule;
 use crate::criterion::Smoothing;
 use crate::platform::{Platform, multiples};
 use crate::schedule::periods;
@@ -264,11 +263,7 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let timeline = plan.timeline(evaluator.platform());
     // A plan that cannot be evaluated is no candidate.
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
-    let end = evaluator
-        .model()
-        .end_covariance(&timeline, TickRule::Filter)
-        .ok()?;
-    let criterion = evaluator.objective().criterion.value(&end).ok()?;
+    let (_, criterion) = evaluator.end_with_criterion(&timeline).ok()?;
     Some(Candidate {
         plan,
         merit,

@@ -16,7 +16,6 @@ use super::rated::Candidate;
 use super::reason::{EnoughTime, MissedSpecification, Reason};
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, search, what_depends_on_the_schedule};
-use crate::covariance::TickRule;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluator, Objective};
@@ -47,7 +46,8 @@ pub fn shortest(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
-    let Some(spec_deg_per_h) = evaluator.objective().spec_deg_per_h else {
+    let objective = evaluator.objective();
+    let Some(spec_deg_per_h) = objective.spec_deg_per_h else {
         return Err(
             Error::input("the shortest test needs a specification to meet")
                 .with_key("objective.spec_deg_per_h"),
@@ -55,8 +55,11 @@ pub fn shortest(
     };
     // Whatever the criterion of the study, what counts here is the specification.
     let objective = Objective {
-        criterion: Criterion::MaxRatio { spec_deg_per_h },
-        ..*evaluator.objective()
+        criterion: Criterion::MaxRatio {
+            spec_deg_per_h,
+            others: objective.spec_of_others.clone(),
+        },
+        ..objective.clone()
     };
     let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
     let work = WorkDone::default();
@@ -219,18 +222,8 @@ impl RootSearch<'_> {
         self.context.work.count_evaluations(1);
         let timeline = plan.timeline(self.context.evaluator.platform());
         // A plan whose ratio cannot be computed meets nothing.
-        let end = self
-            .context
-            .evaluator
-            .model()
-            .end_covariance(&timeline, TickRule::Filter)
-            .ok()?;
-        self.context
-            .evaluator
-            .objective()
-            .criterion
-            .value(&end)
-            .ok()
+        let found = self.context.evaluator.end_with_criterion(&timeline);
+        Some(found.ok()?.1)
     }
 
     /// The nearest feasible points: what can be met in this time, what time would be enough.

@@ -16,7 +16,6 @@ use super::refine::minimise;
 use super::variables::{AngleMap, Coordinates, add_move_times, add_return, shares};
 use super::ways::{in_deg, straight_ways, tidied};
 use crate::attitude::Position;
-use crate::covariance::TickRule;
 use crate::covariance::gradient::LegGradient;
 use crate::criterion::Smoothing;
 use crate::motion::Timeline;
@@ -220,10 +219,8 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
     // A programme that the platform refuses, or that cannot be evaluated, is no candidate.
     let timeline = Timeline::new(platform, &schedule).ok()?;
     context.work.count_evaluations(1);
-    let model = context.evaluator.model();
-    let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
-    let criterion = context.evaluator.objective().criterion;
-    Some((criterion.value(&end).ok()?, schedule))
+    let (_, criterion) = context.evaluator.end_with_criterion(&timeline).ok()?;
+    Some((criterion, schedule))
 }
 
 /// Angles to the stand's resolution, durations to whole periods within the total time.

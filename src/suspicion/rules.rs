@@ -324,25 +324,26 @@ impl Warnings {
     }
 
     fn specification(&mut self, config: &StudyConfig) {
-        let spec = &config.objective.spec_deg_per_h;
-        let named = spec.coefficients.iter().map(|(c, v)| (c.name(), *v));
-        for (name, given) in spec
-            .default
-            .map(|v| ("default", v))
-            .into_iter()
-            .chain(named)
-        {
+        let tables = [
+            ("spec", &config.objective.spec),
+            ("spec_deg_per_h", &config.objective.spec_deg_per_h),
+        ];
+        let of_drift = tables.iter().flat_map(|(table, spec)| {
+            let named = spec.coefficients.iter().map(|(c, v)| (c.name(), *v));
+            let default = spec.default.map(|v| ("default", v));
+            default
+                .into_iter()
+                .chain(named)
+                .map(move |given| (table, given))
+        });
+        for (table, (name, given)) in of_drift {
             if given > 0.0 && given < SPEC_DEG_PER_H {
                 let suspicion = Suspicion::RadiansPerSecond {
                     given,
                     converted: given * ARCSEC_PER_RAD,
                     unit: "deg/h",
                 };
-                self.push(
-                    &format!("objective.spec_deg_per_h.{name}"),
-                    given,
-                    suspicion,
-                );
+                self.push(&format!("objective.{table}.{name}"), given, suspicion);
             }
         }
     }

@@ -22,7 +22,7 @@ impl Problem {
         let mut config = PlatformConfig::default();
         (self.change)(&mut config);
         let objective = Objective {
-            criterion: self.criterion,
+            criterion: self.criterion.clone(),
             ..Objective::default()
         };
         Evaluator::new(config.check().expect("the set is valid"), objective)
@@ -59,12 +59,12 @@ fn tight_on_one() -> Criterion {
     if let Some(c) = DriftCoefficient::from_name("D_IX") {
         spec_deg_per_h[c.index()] = 0.0005;
     }
-    Criterion::MaxRatio { spec_deg_per_h }
+    Criterion::max_ratio(spec_deg_per_h)
 }
 
 /// All problems, in the order of the table.
 pub fn all() -> Vec<Problem> {
-    let rms = Criterion::rms();
+    let rms = Criterion::rms;
     let problem = |name, what, best_known, total_time_s, criterion, change| Problem {
         name,
         what,
@@ -79,7 +79,7 @@ pub fn all() -> Vec<Problem> {
             "§3 conditions, instantaneous moves",
             8.9864e-04,
             12_000.0,
-            rms,
+            rms(),
             |_| {},
         ),
         problem(
@@ -87,7 +87,7 @@ pub fn all() -> Vec<Problem> {
             "the same in half an hour",
             1.6474e-02,
             1_800.0,
-            rms,
+            rms(),
             |_| {},
         ),
         problem(
@@ -95,7 +95,7 @@ pub fn all() -> Vec<Problem> {
             "the same in a day",
             1.9224e-04,
             86_400.0,
-            rms,
+            rms(),
             |_| {},
         ),
         problem(
@@ -103,7 +103,7 @@ pub fn all() -> Vec<Problem> {
             "0.5 °/s, settle 30 s, four hours",
             7.4281e-04,
             14_400.0,
-            rms,
+            rms(),
             |c| {
                 slews(c, 0.5, 30.0);
             },
@@ -113,7 +113,7 @@ pub fn all() -> Vec<Problem> {
             "0.1 °/s, settle 60 s, four hours",
             7.6070e-04,
             14_400.0,
-            rms,
+            rms(),
             |c| {
                 slews(c, 0.1, 60.0);
             },
@@ -123,7 +123,7 @@ pub fn all() -> Vec<Problem> {
             "|β| ≤ 60°, 0.5 °/s, settle 30 s, four hours",
             7.4334e-04,
             14_400.0,
-            rms,
+            rms(),
             stand,
         ),
         problem(
@@ -155,7 +155,7 @@ pub fn all() -> Vec<Problem> {
             "|α| ≤ 180°, |β| ≤ 45°, |γ| ≤ 90°, 1 °/s, settle 20 s, three hours",
             1.0340e-03,
             10_800.0,
-            rms,
+            rms(),
             |c| {
                 c.gimbals.alpha_deg = Some([-180.0, 180.0]);
                 c.gimbals.beta_deg = Some([-45.0, 45.0]);
@@ -168,7 +168,7 @@ pub fn all() -> Vec<Problem> {
             "index table of 90°, instantaneous",
             2.6531e-03,
             12_000.0,
-            rms,
+            rms(),
             |c| {
                 c.gimbals.step_deg = Some(90.0);
             },
@@ -178,7 +178,7 @@ pub fn all() -> Vec<Problem> {
             "index table of 45°, 2 °/s, settle 15 s",
             9.2660e-04,
             12_000.0,
-            rms,
+            rms(),
             |c| {
                 c.gimbals.step_deg = Some(45.0);
                 slews(c, 2.0, 15.0);
@@ -189,7 +189,7 @@ pub fn all() -> Vec<Problem> {
             "index table of 15°, |β| ≤ 60°, 1 °/s, settle 30 s",
             9.1213e-04,
             12_000.0,
-            rms,
+            rms(),
             |c| {
                 c.gimbals.step_deg = Some(15.0);
                 c.gimbals.beta_deg = Some([-60.0, 60.0]);
@@ -201,7 +201,7 @@ pub fn all() -> Vec<Problem> {
             "tactical grade, 5 °/s, settle 5 s, half an hour",
             1.0521e-01,
             1_800.0,
-            rms,
+            rms(),
             |c| {
                 c.accelerometer.noise_g = 1e-4;
                 c.gyro.random_drift_deg_per_h = Some(0.3);
@@ -216,7 +216,7 @@ pub fn all() -> Vec<Problem> {
             "navigation grade, 1 °/s, settle 60 s, eight hours",
             4.1065e-05,
             28_800.0,
-            rms,
+            rms(),
             |c| {
                 c.accelerometer.noise_g = 2e-6;
                 c.gyro.random_drift_deg_per_h = Some(0.001);
@@ -229,7 +229,7 @@ pub fn all() -> Vec<Problem> {
             "latitude 2°, 1 °/s, settle 30 s",
             8.4683e-04,
             12_000.0,
-            rms,
+            rms(),
             |c| {
                 c.site.latitude_deg = 2.0;
                 slews(c, 1.0, 30.0);
@@ -240,7 +240,7 @@ pub fn all() -> Vec<Problem> {
             "latitude 78°, 1 °/s, settle 30 s",
             2.9486e-03,
             12_000.0,
-            rms,
+            rms(),
             |c| {
                 c.site.latitude_deg = 78.0;
                 slews(c, 1.0, 30.0);

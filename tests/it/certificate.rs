@@ -129,12 +129,10 @@ fn random_criterion(random: &mut Random) -> Criterion {
     match (random.unit() * 4.0) as usize {
         0 => Criterion::D,
         1 => Criterion::E,
-        2 => Criterion::MaxRatio {
-            spec_deg_per_h: CoefficientVector::from_fn(|_, _| random.between(1e-3, 1e-1)),
-        },
-        _ => Criterion::A {
-            weights: CoefficientVector::from_fn(|_, _| random.unit()),
-        },
+        2 => Criterion::max_ratio(CoefficientVector::from_fn(|_, _| {
+            random.between(1e-3, 1e-1)
+        })),
+        _ => Criterion::weighted(CoefficientVector::from_fn(|_, _| random.unit())),
     }
 }
 

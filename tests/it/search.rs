@@ -104,15 +104,13 @@ fn every_criterion_is_improved_by_searching_for_it() {
         Criterion::rms(),
         Criterion::D,
         Criterion::E,
-        Criterion::MaxRatio {
-            spec_deg_per_h: spec,
-        },
+        Criterion::max_ratio(spec),
     ];
     let problem = SearchProblem {
         starts: 12,
         ..SearchProblem::default()
     };
-    let found = criteria.map(|criterion| {
+    let found = criteria.clone().map(|criterion| {
         let objective = Objective {
             criterion,
             ..Objective::default()
@@ -313,7 +311,7 @@ fn shortest_and_most_accurate_agree() {
         spec_deg_per_h: Some(spec_deg_per_h),
         ..Objective::default()
     };
-    let evaluator = evaluator(objective, |_| {});
+    let evaluator = evaluator(objective.clone(), |_| {});
     let problem = SearchProblem {
         total_time_s: 14_400.0,
         starts: 4,
@@ -325,7 +323,7 @@ fn shortest_and_most_accurate_agree() {
     assert!(found.evaluation.end.sigma_deg_per_h().max() <= 0.002);
     // One per cent less time is not enough.
     let ratio = Objective {
-        criterion: Criterion::MaxRatio { spec_deg_per_h },
+        criterion: Criterion::max_ratio(spec_deg_per_h),
         ..objective
     };
     let less = SearchProblem {

@@ -66,27 +66,22 @@ fn criteria() -> Vec<Criterion> {
     spec[9] = f64::INFINITY;
     vec![
         Criterion::rms(),
-        Criterion::A {
-            weights: CoefficientVector::from_fn(|i, _| [0.0, 0.3, 2.0][i % 3]),
-        },
+        Criterion::weighted(CoefficientVector::from_fn(|i, _| [0.0, 0.3, 2.0][i % 3])),
         Criterion::D,
         Criterion::E,
-        Criterion::MaxRatio {
-            spec_deg_per_h: spec,
-        },
-        Criterion::MaxRatio {
-            spec_deg_per_h: CoefficientVector::repeat(0.01),
-        },
+        Criterion::max_ratio(spec),
+        Criterion::max_ratio(CoefficientVector::repeat(0.01)),
     ]
 }
 
 /// Value of the criterion, from the bracket's own unit.
 fn bracket(problem: &Problem<'_>, criterion: &Criterion) -> Bracket {
     match criterion {
-        Criterion::A { weights } => problem.weighted_variance(weights).unwrap(),
+        Criterion::A { weights, .. } => problem.weighted_variance(weights).unwrap(),
         Criterion::D => problem.log_determinant().unwrap(),
         Criterion::E => problem.worst_variance().unwrap(),
-        Criterion::MaxRatio { spec_deg_per_h } => problem.worst_ratio(spec_deg_per_h).unwrap(),
+        Criterion::Use { .. } => panic!("not one of the criteria here"),
+        Criterion::MaxRatio { spec_deg_per_h, .. } => problem.worst_ratio(spec_deg_per_h).unwrap(),
     }
 }
 
@@ -113,9 +108,9 @@ fn no_design_is_better_than_the_bound_of_any_criterion() {
                 let open = certifier.conditions.prior_sigma.iter();
                 let open = open.filter(|s| **s > 0.0).count() as f64;
                 let value = |v: f64| match &criterion {
-                    Criterion::A { weights } => (v / weights.sum()).sqrt(),
+                    Criterion::A { weights, .. } => (v / weights.sum()).sqrt(),
                     Criterion::D => (v / (2.0 * open)).exp(),
-                    Criterion::E | Criterion::MaxRatio { .. } => v.sqrt(),
+                    Criterion::E | Criterion::MaxRatio { .. } | Criterion::Use { .. } => v.sqrt(),
                 };
                 let (lower, design) = (value(found.lower), value(found.design));
                 largest = largest.max(lower);
@@ -164,7 +159,7 @@ fn the_shortest_test_is_where_the_ratio_is_one() {
     let certifier = Certifier::new(&platforms()[0]);
     let ratio = |spec: &CoefficientVector, time: f64| {
         let spec_deg_per_h = *spec;
-        let criterion = Criterion::MaxRatio { spec_deg_per_h };
+        let criterion = Criterion::max_ratio(spec_deg_per_h);
         let bound = certifier.criterion_bound(&criterion, time).unwrap();
         bound.lower_bound
     };

@@ -236,16 +236,12 @@ fn bounds_of_different_criteria_agree_where_they_must() {
     let bound = |c: &Criterion| certifier.criterion_bound(c, 8000.0).unwrap().lower_bound;
     let rms = bound(&Criterion::rms());
     let spec = CoefficientVector::from_fn(|i, _| if i == 4 { 0.001 } else { f64::INFINITY });
-    let alone = bound(&Criterion::MaxRatio {
-        spec_deg_per_h: spec,
-    });
+    let alone = bound(&Criterion::max_ratio(spec));
     let weights = CoefficientVector::from_fn(|i, _| if i == 4 { 1.0 } else { 0.0 });
-    let same = bound(&Criterion::A { weights });
+    let same = bound(&Criterion::weighted(weights));
     assert!((alone * 0.001 / same - 1.0).abs() < 2e-3, "{alone} {same}");
     let even = CoefficientVector::repeat(0.001);
-    let largest = bound(&Criterion::MaxRatio {
-        spec_deg_per_h: even,
-    });
+    let largest = bound(&Criterion::max_ratio(even));
     assert!(largest * 0.001 >= rms && largest * 0.001 >= same * 0.999);
     assert!(bound(&Criterion::E) >= rms);
     assert!(bound(&Criterion::D) <= rms);
@@ -346,9 +342,7 @@ fn the_minimum_time_is_where_the_bound_meets_the_specification() {
         panic!("it takes a while");
     };
     let ratio = |time: f64| {
-        let criterion = Criterion::MaxRatio {
-            spec_deg_per_h: spec,
-        };
+        let criterion = Criterion::max_ratio(spec);
         certifier
             .criterion_bound(&criterion, time)
             .unwrap()

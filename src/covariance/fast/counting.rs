@@ -11,13 +11,15 @@ use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::arithmetic::{Arithmetic, InArray, Number, Plain, Row, three};
+use super::attitude_entries;
 use super::course::{self, Legs, Stretch, Tape};
 use super::earth::Earth;
 use super::gains::{DwellKernel, Own};
 use super::information::{complete, pulled_slope, symmetric_product, to_coefficients};
 use super::moves::{Interval, Turn};
+use super::shape::{Drift, Facts};
 use super::single::{ByFactors, OneTimeline};
-use super::{Place, attitude_entries};
+use super::square::Entries;
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
@@ -154,9 +156,9 @@ impl Legs<Counting> for CountedLegs<'_> {
     fn count(&self) -> usize {
         Legs::count(&self.0)
     }
-    fn place(&self, leg: usize) -> Place<Counting> {
+    fn attitude(&self, leg: usize) -> Entries<Counted> {
         let c = attitude_entries(&self.0.timeline.legs()[leg].attitude);
-        Place::new(Counting, three!(|i| three!(|j| Counted(c[i][j]))))
+        three!(|i| three!(|j| Counted(c[i][j])))
     }
     fn alpha(&self, leg: usize) -> (Counted, Counted) {
         let (sin, cos) = self.0.alpha(leg);
@@ -175,12 +177,15 @@ impl Legs<Counting> for CountedLegs<'_> {
                 from: s.turn.from.map(Counted),
                 change: s.turn.change.map(Counted),
                 duration_s: Counted(s.turn.duration_s),
+                time: Counted(s.turn.time),
             },
             interval: Interval {
                 start_s: Counted(s.interval.start_s),
                 length_s: Counted(s.interval.length_s),
             },
             panels: s.panels,
+            elapsed_s: Counted(s.elapsed_s),
+            present: Counted(s.present),
             last: Counted(s.last),
             measured: s.measured.map(|(w, grows)| (Counted(w), Counted(grows))),
         }
@@ -195,6 +200,12 @@ impl Legs<Counting> for CountedLegs<'_> {
         let periods = self.0.periods(leg);
         (periods > 0)
             .then(|| DwellKernel::new(Counting, self.0.model.kernels.numbers(periods).get()))
+    }
+    fn azimuth(&self) -> Option<f64> {
+        self.0.azimuth()
+    }
+    fn vertical(&self, leg: usize) -> Counted {
+        Counted(self.0.vertical(leg))
     }
     fn remains(&self, leg: usize) -> bool {
         self.0.remains(leg)
@@ -244,6 +255,7 @@ fn operations(count: usize, dwell_s: f64, slews: bool) -> Operations {
         timeline: &timeline,
         rule: TickRule::Relaxed,
         keep_empty: false,
+        facts: Facts::of::<Drift>(),
     });
     let earth = Earth::new(Counted(0.0), &model.dynamics, model.drift_psd);
     let mut tape = Tape {
@@ -252,7 +264,7 @@ fn operations(count: usize, dwell_s: f64, slews: bool) -> Operations {
     };
     let (covariance, done) = counted(|| {
         let mut gains = Own::new(Counting, &legs, &earth, &model.prior_psi);
-        let chain = course::forward(Counting, &legs, &earth, &mut gains, &mut tape);
+        let chain = course::forward::<_, Drift>(Counting, &legs, &earth, &mut gains, &mut tape);
         let factor = chain.e.factor(Counting, &model.prior_scale);
         factor.covariance(Counting)
     });
@@ -296,6 +308,7 @@ fn one_schedule_has_the_same_bits_on_every_machine() {
             timeline: &timeline,
             rule: TickRule::Relaxed,
             keep_empty: true,
+            facts: Facts::of::<Drift>(),
         };
         let earth = model.earth();
         let mut tape = Tape {
@@ -303,7 +316,7 @@ fn one_schedule_has_the_same_bits_on_every_machine() {
             steps: Vec::new(),
         };
         let mut gains = Own::new(Plain, &legs, &earth, &model.prior_psi);
-        let chain = course::forward(Plain, &legs, &earth, &mut gains, &mut tape);
+        let chain = course::forward::<_, Drift>(Plain, &legs, &earth, &mut gains, &mut tape);
         let factor = chain.e.factor(Plain, &model.prior_scale);
         let mut p = factor.covariance(Plain);
         let of = ByFactors {

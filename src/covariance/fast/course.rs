@@ -5,14 +5,18 @@
 //! dwell's whole periods, its remainder with the relaxed measurement. A lane that lacks a part
 //! that another has takes it with length and weight zero, which changes nothing.
 
-use super::adjoint::{DWELL_ROWS, InformationAdjoint, MEASURED_ROWS, Sweep};
-use super::arithmetic::{Arithmetic, Work, three};
+mod back;
+
+pub(crate) use back::{LegAdjoint, backward};
+
+use super::adjoint::{MEASURED_ROWS, dwell_rows};
+use super::arithmetic::{Arithmetic, Work};
 use super::earth::{Earth, Passed};
 use super::gains::{DwellKernel, Gains, Seen};
-use super::moves::{Interval, Turn, drift_integral, drift_integral_adjoint};
-use super::square::{Entries, Square, entries, product, rows, transpose};
-use super::{Carried, DwellStep, MeasureStep, Place, Wide};
-use crate::covariance::gradient::LegGradient;
+use super::moves::{Interval, Turn, drift_integral};
+use super::shape::{Drift, Shape};
+use super::square::{Entries, entries, product, rows, transpose};
+use super::{AzimuthStep, Carried, Collected, DwellStep, MeasureStep, Place, Wide};
 
 /// An interval of a move without a measurement in it.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +24,10 @@ pub(crate) struct Stretch<N, P> {
     pub turn: Turn<N>,
     pub interval: Interval<N>,
     pub panels: P,
+    /// The time that passes in it, s: the interval's length, or 0 in a move without duration.
+    pub elapsed_s: N,
+    /// 1, or 0 in lanes that have no such stretch.
+    pub present: N,
     /// Of lanes whose move ends here 1, else 0.
     pub last: N,
     /// The weight of the measurement after it, 1/arcsec², and 1 where it follows the length, else
@@ -31,8 +39,8 @@ pub(crate) struct Stretch<N, P> {
 pub(crate) trait Legs<A: Arithmetic> {
     /// How many there are.
     fn count(&self) -> usize;
-    /// The position.
-    fn place(&self, leg: usize) -> Place<A>;
+    /// C_c^n in the position.
+    fn attitude(&self, leg: usize) -> Entries<A::Number>;
     /// (sin α, cos α) of the position.
     fn alpha(&self, leg: usize) -> (A::Number, A::Number);
     /// Whether changes of position keep ψ in the platform (frame-hold).
@@ -47,6 +55,11 @@ pub(crate) trait Legs<A: Arithmetic> {
     fn settle_s(&self, leg: usize) -> A::Number;
     /// The kernel of the whole periods of the dwell; none where no lane has any.
     fn dwell(&self, leg: usize) -> Option<DwellKernel<A>>;
+    /// The information of a measurement of the azimuth beside that of ψ_x or ψ_z, as a ratio; none
+    /// where it is not measured.
+    fn azimuth(&self) -> Option<f64>;
+    /// The information of its measurements of the vertical channel, 1/arcsec².
+    fn vertical(&self, leg: usize) -> A::Number;
     /// Whether the dwell has a rest.
     fn remains(&self, leg: usize) -> bool;
     /// The rest, s, and the weight of the measurement that ends it, 1/arcsec².
@@ -55,32 +68,38 @@ pub(crate) trait Legs<A: Arithmetic> {
 
 /// What the reverse mode has to remember of a step.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Step<A: Arithmetic> {
-    /// A change of position: q, V and P before it.
-    Rotate(Entries<A::Number>, Wide<A::Quad>, Entries<A::Number>),
+pub(crate) enum Step<A: Arithmetic, S: Shape = Drift> {
+    /// A change of position: q, V (not shifted by the accelerometers) and P before it.
+    Rotate(Entries<A::Number>, Wide<A::Quad, S>, Entries<A::Number>),
     /// A stretch of a move: its index, V and P after it.
-    Stretch(usize, Passed<A>, Wide<A::Quad>, Entries<A::Number>),
+    Stretch(usize, Passed<A>, Wide<A::Quad, S>, Entries<A::Number>),
     /// Settling, with Γ C.
-    Settle(Passed<A>, Entries<A::Number>),
+    Settle(Passed<A>, S::Groups<Entries<A::Number>>),
     /// Whole periods of a dwell.
-    Dwell(DwellStep<A>),
+    Dwell(DwellStep<A, S>),
     /// The rest of a dwell: Γ C, V and P after it.
     Remainder(
         Passed<A>,
-        Entries<A::Number>,
-        Wide<A::Quad>,
+        S::Groups<Entries<A::Number>>,
+        Wide<A::Quad, S>,
         Entries<A::Number>,
     ),
     /// A measurement with V after it, and what its weight grows with.
-    Measure(MeasureStep<A>, Wide<A::Quad>, Grows<A::Number>),
+    Measure(MeasureStep<A, S>, Wide<A::Quad, S>, Grows<A::Number>),
+    /// The azimuth of a measurement with V after it, and what its weight grows with.
+    Azimuth(AzimuthStep<A, S>, Wide<A::Quad, S>, Grows<A::Number>),
+    /// The vertical channel of a measurement: its weight, what that grows with, and after which
+    /// stretch of a move it is, if it is in one.
+    Vertical(A::Number, Grows<A::Number>, Option<usize>),
 }
 
-impl<A: Arithmetic> Step<A> {
+impl<A: Arithmetic, S: Shape> Step<A, S> {
     /// How many rows it tells.
     fn rows(&self) -> usize {
         match self {
-            Self::Dwell(_) => DWELL_ROWS,
+            Self::Dwell(_) => dwell_rows::<S>(),
             Self::Measure(..) => MEASURED_ROWS,
+            Self::Azimuth(..) | Self::Vertical(..) => 1,
             _ => 0,
         }
     }
@@ -98,16 +117,16 @@ pub(crate) enum Grows<N> {
 /// What the forward run leaves behind: nothing, unless it is asked to. Switched while it runs,
 /// so that value and gradient share their code.
 #[derive(Debug)]
-pub(crate) struct Tape<A: Arithmetic> {
+pub(crate) struct Tape<A: Arithmetic, S: Shape = Drift> {
     /// Whether anything is kept.
     pub on: bool,
     /// Leg and step, in order.
-    pub steps: Vec<(usize, Step<A>)>,
+    pub steps: Vec<(usize, Step<A, S>)>,
 }
 
-impl<A: Arithmetic> Tape<A> {
+impl<A: Arithmetic, S: Shape> Tape<A, S> {
     #[inline(always)]
-    fn push(&mut self, leg: usize, step: Step<A>) {
+    fn push(&mut self, leg: usize, step: Step<A, S>) {
         if self.on {
             self.steps.push((leg, step));
         }
@@ -115,13 +134,13 @@ impl<A: Arithmetic> Tape<A> {
 }
 
 /// The chain on its way through the legs.
-struct Forward<'a, A: Arithmetic, L, G> {
+struct Forward<'a, A: Arithmetic, S: Shape, L, G> {
     ar: A,
     legs: &'a L,
     earth: &'a Earth<A::Number>,
     gains: &'a mut G,
-    tape: &'a mut Tape<A>,
-    chain: Carried<A>,
+    tape: &'a mut Tape<A, S>,
+    chain: Carried<A, S>,
 }
 
 /// Parts of a leg.
@@ -131,19 +150,22 @@ const DWELL: u8 = 2;
 const REMAINDER: u8 = 3;
 
 /// One part of a leg, compiled apart in lanes.
-struct Part<'b, 'a, A: Arithmetic, L, G, const PART: u8> {
-    forward: &'b mut Forward<'a, A, L, G>,
-    at: &'b Place<A>,
+struct Part<'b, 'a, A: Arithmetic, S: Shape, L, G, const PART: u8> {
+    forward: &'b mut Forward<'a, A, S, L, G>,
+    from: Option<&'b Place<A, S>>,
+    at: &'b Place<A, S>,
     leg: usize,
     index: usize,
 }
 
-impl<A: Arithmetic, L: Legs<A>, G: Gains<A>, const PART: u8> Work for Part<'_, '_, A, L, G, PART> {
+impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>, const PART: u8> Work
+    for Part<'_, '_, A, S, L, G, PART>
+{
     type Output = ();
     #[inline(always)]
     fn run(self) {
         match PART {
-            STRETCH => self.forward.stretch(self.leg, self.index),
+            STRETCH => (self.forward).stretch(self.leg, self.index, self.from, self.at),
             SETTLE => self.forward.settle(self.leg, self.at),
             DWELL => self.forward.dwell(self.leg, self.at),
             _ => self.forward.remainder(self.leg, self.at),
@@ -151,10 +173,45 @@ impl<A: Arithmetic, L: Legs<A>, G: Gains<A>, const PART: u8> Work for Part<'_, '
     }
 }
 
-impl<A: Arithmetic, L: Legs<A>, G: Gains<A>> Forward<'_, A, L, G> {
+/// A place in a move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OnTheWay<A: Arithmetic, S: Shape> {
+    pub place: Place<A, S>,
+    /// Of the move.
+    pub fraction: A::Number,
+    /// (sin α, cos α).
+    pub alpha: (A::Number, A::Number),
+}
+
+/// Where a stretch of a move begins or (`end`) ends, if that is not at a position.
+#[inline(always)]
+pub(crate) fn on_the_way<A: Arithmetic, S: Shape>(
+    ar: A,
+    earth: &Earth<A::Number>,
+    s: &Stretch<A::Number, A::Panels>,
+    end: bool,
+) -> OnTheWay<A, S> {
+    let Interval { start_s, length_s } = s.interval;
+    let at_s = if end { start_s + length_s } else { start_s };
+    let fraction = at_s / s.turn.duration_s;
+    let (c, alpha) = s.turn.attitude_at(fraction);
+    OnTheWay {
+        place: Place::new(ar, earth, c),
+        fraction,
+        alpha,
+    }
+}
+
+impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
     #[inline(always)]
-    fn part<const PART: u8>(&mut self, leg: usize, index: usize, at: &Place<A>) {
-        self.ar.apart(Part::<A, L, G, PART> {
+    fn part<const PART: u8>(
+        &mut self,
+        (leg, index): (usize, usize),
+        from: Option<&Place<A, S>>,
+        at: &Place<A, S>,
+    ) {
+        self.ar.apart(Part::<A, S, L, G, PART> {
+            from,
             at,
             leg,
             index,
@@ -163,85 +220,138 @@ impl<A: Arithmetic, L: Legs<A>, G: Gains<A>> Forward<'_, A, L, G> {
     }
 
     #[inline(always)]
-    fn rotate(&mut self, leg: usize, from: &Place<A>, at: &Place<A>) {
+    fn rotate(&mut self, leg: usize, from: &Place<A, S>, at: &Place<A, S>) {
         let q = entries(&product(&at.c, &rows(self.ar, &transpose(&from.c))));
+        let one = self.ar.number(1.0);
+        if S::GROUPS > 1 {
+            self.chain.shift(from, -one);
+        }
         self.tape
             .push(leg, Step::Rotate(q, self.chain.v, self.gains.p()));
         self.chain.rotate(&q);
         self.gains.rotate(&q);
+        if S::GROUPS > 1 {
+            self.chain.shift(at, one);
+        }
     }
 
     #[inline(always)]
-    fn stretch(&mut self, leg: usize, index: usize) {
+    fn stretch(&mut self, leg: usize, index: usize, from: Option<&Place<A, S>>, at: &Place<A, S>) {
         let s = self.legs.stretch(leg, index);
         let (passed, p, seen) = self.gains.stretch(leg, index);
-        let b = drift_integral(self.ar, self.earth, &s.turn, &s.interval, &s.panels);
+        let b = drift_integral::<A, S>(self.ar, self.earth, &s.turn, &s.interval, &s.panels);
+        if S::GROUPS > 1 {
+            match from {
+                Some(from) if index == 0 => self.chain.shift(from, -s.present),
+                _ => {
+                    let from = on_the_way(self.ar, self.earth, &s, false);
+                    self.chain.shift(&from.place, -s.present);
+                }
+            }
+        }
         self.chain.pass(&passed, &b);
+        let mut end = *at;
+        if S::GROUPS > 1 {
+            if index + 1 < self.legs.stretches(leg) {
+                end = on_the_way(self.ar, self.earth, &s, true).place;
+            }
+            self.chain.shift(&end, s.present);
+        }
         self.tape
             .push(leg, Step::Stretch(index, passed, self.chain.v, p));
         if let Some((_, grows)) = s.measured
             && let Some(seen) = seen
         {
-            self.measure(leg, &seen, Grows::WithMove(grows));
+            self.measure(leg, &seen, Grows::WithMove(grows), Some(index), &end);
         }
     }
 
     #[inline(always)]
-    fn measure(&mut self, leg: usize, seen: &Seen<A>, grows: Grows<A::Number>) {
+    fn measure(
+        &mut self,
+        leg: usize,
+        seen: &Seen<A>,
+        grows: Grows<A::Number>,
+        index: Option<usize>,
+        at: &Place<A, S>,
+    ) {
         let step = self.chain.measure(seen);
         self.tape
             .push(leg, Step::Measure(step, self.chain.v, grows));
+        if !S::DRIFT_ONLY
+            && let Some(azimuth) = self.gains.azimuth(seen.weight)
+        {
+            let step = self.chain.measure_azimuth(self.ar, &azimuth);
+            self.tape
+                .push(leg, Step::Azimuth(step, self.chain.v, grows));
+        }
+        if S::GROUPS > 1 {
+            self.chain.e.of_vertical(at, seen.weight);
+            self.tape
+                .push(leg, Step::Vertical(seen.weight, grows, index));
+        }
     }
 
     #[inline(always)]
-    fn settle(&mut self, leg: usize, at: &Place<A>) {
+    fn settle(&mut self, leg: usize, at: &Place<A, S>) {
         let passed = self.gains.settle(leg);
         let gamma_c = self.chain.pass_at(&passed, at);
         self.tape.push(leg, Step::Settle(passed, gamma_c));
     }
 
     #[inline(always)]
-    fn dwell(&mut self, leg: usize, at: &Place<A>) {
+    fn dwell(&mut self, leg: usize, at: &Place<A, S>) {
         if let Some(gain) = self.gains.dwell(leg) {
-            let step = self.chain.dwell(&gain, at);
+            let step = self
+                .chain
+                .dwell(&gain, at, vertical::<_, S>(self.ar, self.legs, leg));
             self.tape.push(leg, Step::Dwell(step));
         }
     }
 
     #[inline(always)]
-    fn remainder(&mut self, leg: usize, at: &Place<A>) {
+    fn remainder(&mut self, leg: usize, at: &Place<A, S>) {
         let (passed, p, seen) = self.gains.remainder(leg);
         let gamma_c = self.chain.pass_at(&passed, at);
         self.tape
             .push(leg, Step::Remainder(passed, gamma_c, self.chain.v, p));
         if let Some(seen) = seen {
-            self.measure(leg, &seen, Grows::WithDwell);
+            self.measure(leg, &seen, Grows::WithDwell, None, at);
         }
+    }
+}
+
+/// The information of the vertical channel in a dwell; without accelerometers it does not matter.
+#[inline(always)]
+fn vertical<A: Arithmetic, S: Shape>(ar: A, legs: &impl Legs<A>, leg: usize) -> A::Number {
+    match S::GROUPS > 1 {
+        true => legs.vertical(leg),
+        false => ar.number(0.0),
     }
 }
 
 /// Runs the chain over the legs from its start on.
 #[inline(always)]
-pub(crate) fn forward<A: Arithmetic>(
+pub(crate) fn forward<A: Arithmetic, S: Shape>(
     ar: A,
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,
     gains: &mut impl Gains<A>,
-    tape: &mut Tape<A>,
-) -> Carried<A> {
+    tape: &mut Tape<A, S>,
+) -> Carried<A, S> {
     forward_from(ar, legs, earth, gains, tape, (Carried::new(ar), None))
 }
 
 /// Runs the chain on over the legs, `from` where it is and the place it is at.
 #[inline(always)]
-pub(crate) fn forward_from<A: Arithmetic>(
+pub(crate) fn forward_from<A: Arithmetic, S: Shape>(
     ar: A,
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,
     gains: &mut impl Gains<A>,
-    tape: &mut Tape<A>,
-    from: (Carried<A>, Option<Place<A>>),
-) -> Carried<A> {
+    tape: &mut Tape<A, S>,
+    from: (Carried<A, S>, Option<Place<A, S>>),
+) -> Carried<A, S> {
     let (chain, mut previous) = from;
     let mut forward = Forward {
         ar,
@@ -252,205 +362,27 @@ pub(crate) fn forward_from<A: Arithmetic>(
         chain,
     };
     for leg in 0..legs.count() {
-        let at = legs.place(leg);
-        if let Some(from) = previous
+        let at = Place::new(ar, earth, legs.attitude(leg));
+        if S::GROUPS > 1 && previous.is_none() {
+            // V is 0 there, and so V' = U.
+            forward.chain.shift(&at, ar.number(1.0));
+        }
+        if let Some(from) = &previous
             && legs.rotates(leg)
         {
-            forward.rotate(leg, &from, &at);
+            forward.rotate(leg, from, &at);
         }
         for index in 0..legs.stretches(leg) {
-            forward.part::<STRETCH>(leg, index, &at);
+            forward.part::<STRETCH>((leg, index), previous.as_ref(), &at);
         }
         if legs.settles(leg) {
-            forward.part::<SETTLE>(leg, 0, &at);
+            forward.part::<SETTLE>((leg, 0), None, &at);
         }
-        forward.part::<DWELL>(leg, 0, &at);
+        forward.part::<DWELL>((leg, 0), None, &at);
         if legs.remains(leg) {
-            forward.part::<REMAINDER>(leg, 0, &at);
+            forward.part::<REMAINDER>((leg, 0), None, &at);
         }
         previous = Some(at);
     }
     forward.chain
-}
-
-/// Where the derivatives with respect to a leg are summed up.
-pub(crate) trait LegAdjoint<N> {
-    /// Adds ∂f/∂(α, β, γ).
-    fn add_angles(&mut self, angles: &[N; 3]);
-    /// Adds the derivative with respect to the dwell.
-    fn add_dwell(&mut self, slope: N);
-    /// Adds the derivative with respect to the move's duration.
-    fn add_move(&mut self, slope: N);
-}
-
-impl LegAdjoint<f64> for LegGradient {
-    #[inline(always)]
-    fn add_angles(&mut self, angles: &[f64; 3]) {
-        for i in 0..3 {
-            self.angles[i] += angles[i];
-        }
-    }
-    #[inline(always)]
-    fn add_dwell(&mut self, slope: f64) {
-        self.dwell_s += slope;
-    }
-    #[inline(always)]
-    fn add_move(&mut self, slope: f64) {
-        self.move_s += slope;
-    }
-}
-
-/// The sweep on its way back through the legs.
-struct Backward<'a, A: Arithmetic, L, I, O> {
-    ar: A,
-    legs: &'a L,
-    earth: &'a Earth<A::Number>,
-    information: &'a I,
-    /// Rows that the chain has told before the step at hand.
-    row: usize,
-    per_weight: A::Number,
-    out: &'a mut [O],
-    sweep: Sweep<A>,
-    /// C̄ of the place before, from a change of position in frame-hold repositioning.
-    before: Option<Square<A::Triple>>,
-}
-
-const ROTATE: u8 = 4;
-const MEASURE: u8 = 5;
-
-/// One step back, compiled apart in lanes.
-struct Back<'b, 'a, A: Arithmetic, L, I, O, const PART: u8> {
-    backward: &'b mut Backward<'a, A, L, I, O>,
-    at: &'b Place<A>,
-    leg: usize,
-    step: &'b Step<A>,
-}
-
-impl<A: Arithmetic, L: Legs<A>, I: InformationAdjoint<A>, O: LegAdjoint<A::Number>, const PART: u8>
-    Work for Back<'_, '_, A, L, I, O, PART>
-{
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let (backward, leg, at) = (self.backward, self.leg, self.at);
-        let sweep = &mut backward.sweep;
-        match (PART, self.step) {
-            (DWELL, Step::Dwell(dwell)) => {
-                backward.row -= DWELL_ROWS;
-                sweep.dwell(dwell, at, (backward.information, backward.row));
-            }
-            (SETTLE, Step::Settle(passed, gamma_c)) => sweep.pass_at(passed, gamma_c, at),
-            (REMAINDER, Step::Remainder(passed, gamma_c, v, p)) => {
-                let adjoint = sweep.length_adjoint(backward.earth, v, p, at);
-                backward.out[leg].add_dwell(adjoint);
-                sweep.pass_at(passed, gamma_c, at);
-            }
-            (MEASURE, Step::Measure(measure, v, grows)) => {
-                backward.row -= MEASURED_ROWS;
-                let adjoint = sweep.measure(measure, v, (backward.information, backward.row));
-                let slope = adjoint * backward.per_weight;
-                match grows {
-                    Grows::WithMove(one) => backward.out[leg].add_move(slope * *one),
-                    Grows::WithDwell => backward.out[leg].add_dwell(slope),
-                }
-            }
-            (STRETCH, Step::Stretch(index, passed, v, p)) => {
-                backward.stretch(leg, *index, passed, (v, p), at);
-            }
-            (ROTATE, Step::Rotate(q, v, p)) => {
-                let from = backward.legs.place(leg - 1);
-                let q_bar = sweep.rotate(q, v, p);
-                sweep.add_to_place(&product(&q_bar, &from.rows));
-                backward.before = Some(product(&transpose(&q_bar), &at.rows));
-            }
-            _ => {}
-        }
-    }
-}
-
-impl<A: Arithmetic, L: Legs<A>, I: InformationAdjoint<A>, O: LegAdjoint<A::Number>>
-    Backward<'_, A, L, I, O>
-{
-    #[inline(always)]
-    fn part<const PART: u8>(&mut self, leg: usize, step: &Step<A>, at: &Place<A>) {
-        self.ar.apart(Back::<A, L, I, O, PART> {
-            at,
-            leg,
-            step,
-            backward: self,
-        });
-    }
-
-    #[inline(always)]
-    fn stretch(
-        &mut self,
-        leg: usize,
-        index: usize,
-        passed: &Passed<A>,
-        (v, p): (&Wide<A::Quad>, &Entries<A::Number>),
-        at: &Place<A>,
-    ) {
-        let s = self.legs.stretch(leg, index);
-        let length = self.sweep.length_adjoint(self.earth, v, p, at) * s.last;
-        let b = drift_integral_adjoint(
-            self.ar,
-            self.earth,
-            &s.turn,
-            &s.interval,
-            &s.panels,
-            &self.sweep.v,
-        );
-        self.out[leg].add_move(b.duration + length);
-        self.out[leg].add_angles(&b.change);
-        self.out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
-        self.sweep.pass(passed);
-    }
-}
-
-/// The way back: adds the derivatives of every leg to `out`, one entry per leg, zero at first.
-/// `per_weight` is the derivative of a relaxed measurement's weight with respect to its length.
-#[inline(always)]
-pub(crate) fn backward<A: Arithmetic>(
-    ar: A,
-    legs: &impl Legs<A>,
-    earth: &Earth<A::Number>,
-    tape: &[(usize, Step<A>)],
-    information: &impl InformationAdjoint<A>,
-    per_weight: f64,
-    out: &mut [impl LegAdjoint<A::Number>],
-) {
-    let mut backward = Backward {
-        ar,
-        legs,
-        earth,
-        information,
-        row: tape.iter().map(|(_, step)| step.rows()).sum(),
-        per_weight: ar.number(per_weight),
-        out,
-        sweep: Sweep::new(ar),
-        before: None,
-    };
-    let mut rest = tape;
-    for leg in (0..legs.count()).rev() {
-        let at = legs.place(leg);
-        while let Some(((of, step), earlier)) = rest.split_last() {
-            if *of != leg {
-                break;
-            }
-            rest = earlier;
-            match step {
-                Step::Dwell(..) => backward.part::<DWELL>(leg, step, &at),
-                Step::Settle(..) => backward.part::<SETTLE>(leg, step, &at),
-                Step::Remainder(..) => backward.part::<REMAINDER>(leg, step, &at),
-                Step::Measure(..) => backward.part::<MEASURE>(leg, step, &at),
-                Step::Stretch(..) => backward.part::<STRETCH>(leg, step, &at),
-                Step::Rotate(..) => backward.part::<ROTATE>(leg, step, &at),
-            }
-        }
-        let angles = backward.sweep.leave_place(&at, legs.alpha(leg));
-        backward.out[leg].add_angles(&angles);
-        if let Some(c) = backward.before.take() {
-            backward.sweep.add_to_place(&c);
-        }
-    }
 }

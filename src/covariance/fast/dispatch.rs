@@ -70,16 +70,25 @@ pub(crate) fn lanes(most: usize) -> usize {
 /// Runs `task` in at most `most` lanes; the results do not depend on how many there are, nor on the
 /// instruction set.
 pub(crate) fn run_in_lanes<T: LaneTask>(most: usize, task: T) -> T::Output {
+    run_in_registers(most, task)
+        .unwrap_or_else(|task| InLanes::<_, _, _>(Scalar::new(), Align32, task).call())
+}
+
+/// The same, but gives the task back where there would be one lane only.
+pub(crate) fn run_in_registers<T: LaneTask>(
+    most: usize,
+    task: T,
+) -> std::result::Result<T::Output, T> {
     #[cfg(target_arch = "x86_64")]
     match pulp::x86::Arch::new() {
         pulp::x86::Arch::V4(simd) if most >= MOST_LANES => {
-            return simd.vectorize(InLanes::<_, _, _>(simd, Align64, task));
+            return Ok(simd.vectorize(InLanes::<_, _, _>(simd, Align64, task)));
         }
         pulp::x86::Arch::V4(simd) if most >= 4 => {
-            return simd.vectorize(InLanes::<_, _, _>(*simd, Align32, task));
+            return Ok(simd.vectorize(InLanes::<_, _, _>(*simd, Align32, task)));
         }
         pulp::x86::Arch::V3(simd) if most >= 4 => {
-            return simd.vectorize(InLanes::<_, _, _>(simd, Align32, task));
+            return Ok(simd.vectorize(InLanes::<_, _, _>(simd, Align32, task)));
         }
         _ => {}
     }
@@ -87,8 +96,8 @@ pub(crate) fn run_in_lanes<T: LaneTask>(most: usize, task: T) -> T::Output {
     if most >= 2
         && let Some(simd) = pulp::aarch64::Neon::try_new()
     {
-        return simd.vectorize(InLanes::<_, _, _>(simd, Align32, task));
+        return Ok(simd.vectorize(InLanes::<_, _, _>(simd, Align32, task)));
     }
     let _ = most;
-    InLanes::<_, _, _>(Scalar::new(), Align32, task).call()
+    Err(task)
 }

@@ -52,10 +52,26 @@ impl<N: Number> Earth<N> {
         }
     }
 
+    /// Turning `factor` times as fast.
+    #[inline(always)]
+    pub fn at_rate_times(&self, factor: N) -> Self {
+        Self {
+            rate: self.rate * factor,
+            ..*self
+        }
+    }
+
     /// The PSD q of the random drift, arcsec²/s.
     #[inline(always)]
     pub fn drift_psd(&self) -> N {
         self.drift_psd
+    }
+
+    /// ω_ie^n, rad/s.
+    #[inline(always)]
+    pub fn vector(&self) -> [N; 3] {
+        let zero = self.rate.constant(0.0);
+        [self.rate * self.north, self.rate * self.up, zero]
     }
 
     /// The non-zero entries of F = −ω K: F_02, F_12 (F_20 and F_21 are their negatives).

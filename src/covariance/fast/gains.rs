@@ -10,6 +10,7 @@ use super::square::{
     Entries, Square, condition, difference, entries, gram_of_rows, mirrored, product, rows,
     square_root, sum, transpose, whitener,
 };
+use crate::attitude::UP;
 use crate::covariance::kernel::Kernel;
 
 /// A dwell's kernel, padded and with its products, in plain numbers.
@@ -224,6 +225,34 @@ impl<A: Arithmetic> Seen<A> {
     }
 }
 
+/// A measurement of the azimuth ψ_y with information w: with H = ψ_y and D = 1 + w H P Hᵀ its row is
+/// H V with the weight w/D. Regular at w = 0.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Azimuth<A: Arithmetic> {
+    /// w, 1/arcsec².
+    pub weight: A::Number,
+    /// D⁻¹.
+    pub d: A::Number,
+    /// P after it.
+    pub p: Entries<A::Number>,
+}
+
+impl<A: Arithmetic> Azimuth<A> {
+    /// With information `weight`, from the covariance `p` of ψ^n.
+    #[inline(always)]
+    pub fn new(ar: A, weight: A::Number, p: &Entries<A::Number>) -> Self {
+        let one = ar.number(1.0);
+        let g = square_root(p);
+        // w Gᵀ HᵀH G from the row of G that is seen.
+        let m = three!(|i| three!(|j| weight * g[UP][i] * g[UP][j]));
+        Self {
+            weight,
+            d: one / weight.mul_add(p[UP][UP], one),
+            p: condition(&g, &m),
+        }
+    }
+}
+
 /// Time without a measurement, P at its end, and the measurement there.
 pub(crate) type PassedThenSeen<A> = (
     Passed<A>,
@@ -245,6 +274,8 @@ pub(crate) trait Gains<A: Arithmetic> {
     fn dwell(&mut self, leg: usize) -> Option<Gain<A>>;
     /// The rest of its dwell, with P before the measurement that ends it.
     fn remainder(&mut self, leg: usize) -> PassedThenSeen<A>;
+    /// The azimuth beside a measurement of that weight, where it is measured.
+    fn azimuth(&mut self, weight: A::Number) -> Option<Azimuth<A>>;
 }
 
 /// Worked out in the chain's own arithmetic.
@@ -296,7 +327,7 @@ impl<A: Arithmetic, L: Legs<A>> Gains<A> for Own<'_, A, L> {
     #[inline(always)]
     fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A> {
         let stretch = self.legs.stretch(leg, index);
-        let passed = self.pass(stretch.interval.length_s);
+        let passed = self.pass(stretch.elapsed_s);
         let p = self.p;
         match stretch.measured {
             Some((weight, _)) => (passed, p, Some(self.measure(weight))),
@@ -323,5 +354,12 @@ impl<A: Arithmetic, L: Legs<A>> Gains<A> for Own<'_, A, L> {
             Some(weight) => (passed, p, Some(self.measure(weight))),
             None => (passed, p, None),
         }
+    }
+    #[inline(always)]
+    fn azimuth(&mut self, weight: A::Number) -> Option<Azimuth<A>> {
+        let ratio = self.legs.azimuth()?;
+        let azimuth = Azimuth::new(self.ar, weight * self.ar.number(ratio), &self.p);
+        self.p = azimuth.p;
+        Some(azimuth)
     }
 }

@@ -3,9 +3,10 @@
 //! Row 4 j + e of E is factor e of gyro j; it is kept as rows of three quads, of which those from
 //! gyro j on are used: one triangle.
 
-use super::Wide;
 use super::arithmetic::{Arithmetic, Number, Row, four, three};
-use super::square::Entries;
+use super::shape::Drift;
+use super::square::{Entries, Square, entries, transposed_product};
+use super::{Collected, Place, Wide};
 use crate::covariance::CovarianceRoot;
 use crate::drift::{
     COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftMatrix,
@@ -159,6 +160,31 @@ impl<A: Arithmetic> Information<A> {
             cancelled,
         }
     }
+}
+
+impl<A: Arithmetic> Collected<A, Drift> for Information<A> {
+    #[inline(always)]
+    fn nothing(ar: A) -> Self {
+        Self::zeros(ar)
+    }
+    #[inline(always)]
+    fn of_dwell(
+        &mut self,
+        x: &Wide<A::Quad>,
+        q_c: &[Square<A::Triple>; 1],
+        at: &Place<A>,
+        _: A::Number,
+    ) {
+        let [q_c] = q_c;
+        let n_gram = entries(&transposed_product(&entries(q_c), q_c));
+        self.add_dwell(x, &n_gram, at.h[0]);
+    }
+    #[inline(always)]
+    fn of_rows(&mut self, x: &[[A::Quad; 3]; 2], w: [A::Number; 2]) {
+        self.add_rows(x, w);
+    }
+    #[inline(always)]
+    fn of_vertical(&mut self, _: &Place<A>, _: A::Number) {}
 }
 
 /// P_D in factors.

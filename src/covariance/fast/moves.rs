@@ -3,6 +3,7 @@
 use super::Wide;
 use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::earth::Earth;
+use super::shape::{Basis, FEATURES, Monomial, Shape, basis, basis_adjoint, every};
 use super::square::{Entries, dot, transpose};
 use super::trigonometry::sin_cos;
 use crate::attitude::UP;
@@ -14,8 +15,24 @@ pub(crate) struct Turn<N> {
     pub from: [N; 3],
     /// The change of the angles, rad.
     pub change: [N; 3],
-    /// Its duration, s.
+    /// Its duration, s; 1 where it takes none.
     pub duration_s: N,
+    /// 1; where it takes no time, 0: only torquers see it.
+    pub time: N,
+}
+
+impl<N: Number> Turn<N> {
+    /// The angles' rates, rad/s.
+    #[inline(always)]
+    pub fn rates(&self) -> [N; 3] {
+        three!(|i| self.change[i] / self.duration_s)
+    }
+
+    /// C_c^n at the `fraction` of the move, and (sin α, cos α).
+    #[inline(always)]
+    pub fn attitude_at(&self, fraction: N) -> (Entries<N>, (N, N)) {
+        attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])))
+    }
 }
 
 /// An interval of a move.
@@ -71,6 +88,42 @@ fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
     (c, (sa, ca))
 }
 
+/// The rate ω_ic of the body against inertial space, in n, where the angles change at `rates`:
+/// ω_ie − Σ_i rate_i φ_i with φ the axes of the angles. A positive angle turns the frame, passively.
+#[inline(always)]
+pub(crate) fn body_rate<N: Number>(
+    c: &Entries<N>,
+    (sin_alpha, cos_alpha): (N, N),
+    earth_rate: &[N; 3],
+    rates: &[N; 3],
+) -> [N; 3] {
+    [
+        earth_rate[0] - rates[0] - rates[2] * c[0][2],
+        earth_rate[1] - rates[1] * cos_alpha - rates[2] * c[1][2],
+        earth_rate[2] + rates[1] * sin_alpha - rates[2] * c[2][2],
+    ]
+}
+
+/// Reverse mode of [`body_rate`]: adds to C̄, and gives the adjoints of α and of the angles' rates.
+#[inline(always)]
+fn body_rate_adjoint<N: Number>(
+    c: &Entries<N>,
+    (sin_alpha, cos_alpha): (N, N),
+    rates: &[N; 3],
+    of: &[N; 3],
+    c_adjoint: &mut Entries<N>,
+) -> (N, [N; 3]) {
+    for i in 0..3 {
+        c_adjoint[i][2] = c_adjoint[i][2] - rates[2] * of[i];
+    }
+    let alpha = rates[1] * (of[1] * sin_alpha + of[2] * cos_alpha);
+    let second = of[2] * sin_alpha - of[1] * cos_alpha;
+    (
+        alpha,
+        [-of[0], second, -dot(&[c[0][2], c[1][2], c[2][2]], of)],
+    )
+}
+
 #[inline(always)]
 fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
     three!(|i| three!(|j| a[i][2].mul_add(b[2][j], a[i][1].mul_add(b[1][j], a[i][0] * b[0][j]))))
@@ -79,8 +132,12 @@ fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
 /// An interval ready to be visited node by node.
 struct Nodes<N> {
     earth: Earth<N>,
+    /// ω_ie^n, or 0 where no time passes.
+    earth_rate: [N; 3],
     from: [N; 3],
     change: [N; 3],
+    /// The angles' rates, rad/s.
+    rates: [N; 3],
     per_duration: N,
     start: N,
     length: N,
@@ -89,7 +146,7 @@ struct Nodes<N> {
 
 impl<N: Number> Nodes<N> {
     #[inline(always)]
-    fn new<A: Arithmetic<Node = N>>(
+    fn new<A: Arithmetic<Node = N>, S: Shape>(
         ar: A,
         earth: &Earth<A::Number>,
         turn: &Turn<A::Number>,
@@ -97,14 +154,35 @@ impl<N: Number> Nodes<N> {
         panels: &A::Panels,
     ) -> Self {
         let width = interval.length_s * ar.panel_share(panels);
+        let zero = ar.at_nodes(ar.number(0.0));
+        let (mut earth_rate, mut rates) = ([zero; 3], [zero; 3]);
+        let mut earth = *earth;
+        if !S::DRIFT_ONLY {
+            // In a move without duration the Earth does not turn.
+            earth = earth.at_rate_times(turn.time);
+            let (vector, of_angles) = (earth.vector(), turn.rates());
+            earth_rate = three!(|i| ar.at_nodes(vector[i]));
+            rates = three!(|i| ar.at_nodes(of_angles[i]));
+        }
         Self {
             earth: earth.at_nodes(ar),
+            earth_rate,
             from: three!(|i| ar.at_nodes(turn.from[i])),
             change: three!(|i| ar.at_nodes(turn.change[i])),
+            rates,
             per_duration: ar.at_nodes(ar.number(1.0) / turn.duration_s),
             start: ar.at_nodes(interval.start_s),
             length: ar.at_nodes(interval.length_s),
             width: ar.at_nodes(width),
+        }
+    }
+
+    /// The body's rate at a node, in n.
+    #[inline(always)]
+    fn body_rate<S: Shape>(&self, node: &AtNode<N>) -> [N; 3] {
+        match S::DRIFT_ONLY {
+            true => self.earth_rate,
+            false => body_rate(&node.c, node.alpha, &self.earth_rate, &self.rates),
         }
     }
 
@@ -129,75 +207,126 @@ impl<N: Number> Nodes<N> {
 /// they are summed in the same way, so that a lane has the bits of its schedule alone.
 const PASSES: [usize; 4] = [0, 2, 1, 3];
 
-/// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval.
+/// 1 for rates, `time` for all other features: block by block.
 #[inline(always)]
-pub(crate) fn drift_integral<A: Arithmetic>(
+fn times_time<A: Arithmetic, S: Shape>(
+    ar: A,
+    turn: &Turn<A::Number>,
+    b: &Wide<A::Quad, S>,
+) -> Wide<A::Quad, S> {
+    let mut out = *b;
+    if S::DRIFT_ONLY {
+        return out;
+    }
+    for q in 0..S::GYRO_QUADS {
+        let features = &S::FEATURES[S::LAYOUT[q].block];
+        let factors = ar.quad(four!(|e| match features[e].is_rate() {
+            true => ar.number(1.0),
+            false => turn.time,
+        }));
+        for i in 0..3 {
+            out[i][q] = b[i][q].by(factors);
+        }
+    }
+    out
+}
+
+/// B = ∫ Φ(t_end − t) A(R(t)) dt over the interval; of a move without duration what the torquers'
+/// turning leaves of it.
+#[inline(always)]
+pub(crate) fn drift_integral<A: Arithmetic, S: Shape>(
     ar: A,
     earth: &Earth<A::Number>,
     turn: &Turn<A::Number>,
     interval: &Interval<A::Number>,
     panels: &A::Panels,
-) -> Wide<A::Quad> {
-    let nothing = ar.quad([ar.number(0.0); 4]);
-    let mut halves = [[[nothing; 3]; 3]; 2];
-    let nodes = Nodes::new(ar, earth, turn, interval, panels);
+) -> Wide<A::Quad, S> {
+    let nothing = every::<S, _>(ar.quad([ar.number(0.0); 4]));
+    let mut halves = [[nothing; 3]; 2];
+    let nodes = Nodes::new::<A, S>(ar, earth, turn, interval, panels);
     for pass in PASSES {
         if pass >= A::PASSES {
             continue;
         }
         let nothing = ar.at_nodes(ar.number(0.0));
-        let mut sums = [[[nothing; 4]; 3]; 3];
+        let mut sums = [every::<S, _>([nothing; 4]); 3];
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
             let turned = product(&node.phi, &node.c);
+            let of = basis::<_, S>(&node.c, &nodes.body_rate::<S>(&node));
             for i in 0..3 {
-                for j in 0..3 {
-                    let sum = &mut sums[i][j];
-                    sum[0] = sum[0] + turned[i][j];
-                    for e in 0..3 {
-                        // g = −(Up row of C)ᵀ.
-                        sum[1 + e] = turned[i][j].mul_add(-node.c[UP][e], sum[1 + e]);
-                    }
+                for q in 0..S::GYRO_QUADS {
+                    add_features::<_, S>(&mut sums[i][q], turned[i][S::LAYOUT[q].axis], q, &of);
                 }
             }
         }
         let half = &mut halves[pass % 2];
         for i in 0..3 {
-            for j in 0..3 {
-                let sum = ar.quad(four!(|e| ar.sum_nodes(sums[i][j][e])));
-                half[i][j] = half[i][j].plus(sum);
+            for q in 0..S::GYRO_QUADS {
+                let sum = ar.quad(four!(|e| ar.sum_nodes(sums[i][q][e])));
+                half[i][q] = half[i][q].plus(sum);
             }
         }
     }
-    three!(|i| three!(|j| halves[0][i][j].plus(halves[1][i][j])))
+    let mut b = halves[0];
+    for i in 0..3 {
+        for q in 0..S::GYRO_QUADS {
+            b[i][q] = halves[0][i][q].plus(halves[1][i][q]);
+        }
+    }
+    times_time::<A, S>(ar, turn, &b)
+}
+
+/// `turned` times the features of quad `q`, added to `sum`.
+#[inline(always)]
+fn add_features<N: Number, S: Shape>(sum: &mut [N; 4], turned: N, q: usize, of: &Basis<N>) {
+    let features = &S::FEATURES[S::LAYOUT[q].block];
+    for e in 0..4 {
+        sum[e] = match features[e] {
+            Monomial::One => sum[e] + turned,
+            feature => turned.mul_add(of[feature as usize], sum[e]),
+        };
+    }
 }
 
 /// Reverse mode of [`drift_integral`]: adjoints of angles and duration, given the adjoint of B.
 /// The interval's own length is the chain's affair.
 #[inline(always)]
-pub(crate) fn drift_integral_adjoint<A: Arithmetic>(
+pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
     ar: A,
     earth: &Earth<A::Number>,
     turn: &Turn<A::Number>,
     interval: &Interval<A::Number>,
     panels: &A::Panels,
-    b: &Wide<A::Quad>,
+    b: &Wide<A::Quad, S>,
 ) -> IntegralAdjoint<A::Number> {
-    let b = three!(|i| three!(|j| four!(|e| ar.at_nodes(b[i][j].get(e)))));
+    let zero = ar.at_nodes(ar.number(0.0));
+    let scaled = times_time::<A, S>(ar, turn, b);
+    let mut b = [every::<S, _>([zero; 4]); 3];
+    for i in 0..3 {
+        for q in 0..S::GYRO_QUADS {
+            b[i][q] = four!(|e| ar.at_nodes(scaled[i][q].get(e)));
+        }
+    }
     let mut halves = [[[ar.number(0.0); 3]; 2]; 2];
-    let nodes = Nodes::new(ar, earth, turn, interval, panels);
+    let nodes = Nodes::new::<A, S>(ar, earth, turn, interval, panels);
     for pass in PASSES {
         if pass >= A::PASSES {
             continue;
         }
-        let nothing = ar.at_nodes(ar.number(0.0));
-        let (mut from, mut change) = ([nothing; 3], [nothing; 3]);
+        let (mut from, mut change) = ([zero; 3], [zero; 3]);
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
-            let angles = angle_adjoint(&node, &b);
+            let (angles, rates) = match S::DRIFT_ONLY {
+                true => (angle_adjoint::<_, S>(&node, &b), [zero; 3]),
+                false => wide_angle_adjoint::<_, S>(&nodes, &node, &b),
+            };
             for i in 0..3 {
                 from[i] = from[i] + angles[i];
                 change[i] = node.fraction.mul_add(angles[i], change[i]);
+                if !S::DRIFT_ONLY {
+                    change[i] = rates[i].mul_add(nodes.per_duration, change[i]);
+                }
             }
         }
         let half = &mut halves[pass % 2];
@@ -217,7 +346,7 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic>(
 /// The node's share of the angles' adjoint: of Φ C ⊗ h through C and through h, then of C through
 /// the angles ([`crate::attitude::Attitude::angle_adjoint`]).
 #[inline(always)]
-fn angle_adjoint<N: Number>(node: &AtNode<N>, b: &[[[N; 4]; 3]; 3]) -> [N; 3] {
+fn angle_adjoint<N: Number, S: Shape>(node: &AtNode<N>, b: &[S::Quads<[N; 4]>; 3]) -> [N; 3] {
     let c = &node.c;
     let gravity = three!(|e| -c[UP][e]);
     let turned = product(&node.phi, c);
@@ -237,6 +366,39 @@ fn angle_adjoint<N: Number>(node: &AtNode<N>, b: &[[[N; 4]; 3]; 3]) -> [N; 3] {
         c_adjoint[UP][e] = c_adjoint[UP][e] - (column[0] + column[1] + column[2]);
     }
     pull_to_angles(c, node.alpha, &c_adjoint)
+}
+
+/// The same with all features; of the angles' rates too.
+#[inline(always)]
+fn wide_angle_adjoint<N: Number, S: Shape>(
+    nodes: &Nodes<N>,
+    node: &AtNode<N>,
+    b: &[S::Quads<[N; 4]>; 3],
+) -> ([N; 3], [N; 3]) {
+    let c = &node.c;
+    let zero = c[0][0].constant(0.0);
+    let body_rate = nodes.body_rate::<S>(node);
+    let of = basis::<_, S>(c, &body_rate);
+    let turned = product(&node.phi, c);
+    let (mut pulled, mut features) = ([[zero; 3]; 3], [zero; FEATURES]);
+    for q in 0..S::GYRO_QUADS {
+        let layout = &S::LAYOUT[q];
+        let axis = layout.axis;
+        for e in 0..4 {
+            let feature = S::FEATURES[layout.block][e] as usize;
+            for i in 0..3 {
+                let b = b[i][q][e];
+                pulled[i][axis] = b.mul_add(of[feature], pulled[i][axis]);
+                features[feature] = b.mul_add(turned[i][axis], features[feature]);
+            }
+        }
+    }
+    let mut c_adjoint = product(&transpose(&node.phi), &pulled);
+    let rate = basis_adjoint::<_, S>(c, &body_rate, &features, &mut c_adjoint);
+    let (alpha, rates) = body_rate_adjoint(c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
+    let mut angles = pull_to_angles(c, node.alpha, &c_adjoint);
+    angles[0] = angles[0] + alpha;
+    (angles, rates)
 }
 
 /// ∂f/∂(α, β, γ) from ∂f/∂C: −φ_i · Σ_j C_j × C̄_j with the axes φ of the three angles.
@@ -264,30 +426,32 @@ pub(crate) fn pull_to_angles<N: Number>(
 mod tests {
     use super::super::arithmetic::Plain;
     use super::super::information::PLACES;
+    use super::super::shape::Drift;
     use super::*;
     use crate::attitude::earth_rate_n;
     use crate::drift::{COEFFICIENTS, DriftMatrix};
     use crate::dynamics::ErrorDynamics;
     use crate::motion::Move;
-    use crate::motion::integral::Panels;
+    use crate::motion::integral::{Panels, half_phase};
 
     fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
         let turn = Turn {
             from: m.from,
             change: m.change,
             duration_s: m.duration_s,
+            time: 1.0,
         };
         (
             turn,
             Interval { start_s, length_s },
-            Panels::of(m, length_s),
+            Panels::of_half_phase(half_phase(m, length_s)),
         )
     }
 
     fn integral(m: &Move, dynamics: &ErrorDynamics, start_s: f64, length_s: f64) -> DriftMatrix {
         let (turn, interval, panels) = parts(m, start_s, length_s);
         let earth = Earth::new(0.0, dynamics, 0.0);
-        let b = drift_integral(Plain, &earth, &turn, &interval, &panels);
+        let b = drift_integral::<_, Drift>(Plain, &earth, &turn, &interval, &panels);
         DriftMatrix::from_fn(|i, c| {
             let (at, sign) = PLACES[c];
             sign * b[i][at / 4].get(at % 4)
@@ -338,7 +502,8 @@ mod tests {
         }
         let (turn, interval, panels) = parts(&base, start, length);
         let earth = Earth::new(0.0, &dynamics, 0.0);
-        let adjoint = drift_integral_adjoint(Plain, &earth, &turn, &interval, &panels, &wide);
+        let adjoint =
+            drift_integral_adjoint::<_, Drift>(Plain, &earth, &turn, &interval, &panels, &wide);
         let slope = |h: f64, shift: &dyn Fn(&mut Move, f64)| {
             let at = |by: f64| {
                 let mut m = base;

@@ -16,6 +16,7 @@
 
 pub(crate) mod between;
 mod gradients;
+mod wide;
 
 use std::borrow::Cow;
 
@@ -24,13 +25,15 @@ use pulp::Simd;
 use super::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register, Row, Work, three,
 };
+use super::attitude_entries;
 use super::course::{Legs, Stretch, Tape};
 use super::dispatch::{LaneTask, run_in_lanes};
 use super::gains::DwellKernel;
 use super::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_digits};
 use super::moves::{Interval, Turn};
+use super::shape::{Drift, Facts};
 use super::single::OneTimeline;
-use super::{Place, attitude_entries};
+use super::square::Entries;
 use crate::covariance::kernel_table::LookedUp;
 use crate::covariance::{
     CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite,
@@ -93,11 +96,14 @@ fn no_stretch() -> Stretch<f64, Panels> {
             from: [0.0; 3],
             change: [0.0; 3],
             duration_s: 1.0,
+            time: 1.0,
         },
         interval: Interval {
             start_s: 0.0,
             length_s: 0.0,
         },
+        elapsed_s: 0.0,
+        present: 0.0,
         panels: Panels::of_half_phase(0.0),
         last: 0.0,
         measured: None,
@@ -110,7 +116,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
         self.legs
     }
     #[inline(always)]
-    fn place(&self, leg: usize) -> Place<Lanes<S, L>> {
+    fn attitude(&self, leg: usize) -> Entries<Lane<S, L>> {
         let mut c = [[[0.0; MOST_LANES]; 3]; 3];
         for lane in 0..S::F64_LANES {
             let Some(l) = leg_or_last(self.lane(lane), leg) else {
@@ -124,10 +130,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
             }
         }
         let simd = self.ar.0;
-        Place::new(
-            self.ar,
-            three!(|i| three!(|j| Register::gather(simd, &c[i][j]))),
-        )
+        three!(|i| three!(|j| Register::gather(simd, &c[i][j])))
     }
     #[inline(always)]
     fn alpha(&self, leg: usize) -> (Lane<S, L>, Lane<S, L>) {
@@ -177,12 +180,15 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
                 from: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.from[i])),
                 change: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.change[i])),
                 duration_s: lanes!(|s: &Stretch<f64, Panels>| s.turn.duration_s),
+                time: lanes!(|s: &Stretch<f64, Panels>| s.turn.time),
             },
             interval: Interval {
                 start_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.start_s),
                 length_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.length_s),
             },
             panels: of.map(|s| s.panels),
+            elapsed_s: lanes!(|s: &Stretch<f64, Panels>| s.elapsed_s),
+            present: lanes!(|s: &Stretch<f64, Panels>| s.present),
             last: lanes!(|s: &Stretch<f64, Panels>| s.last),
             measured: if measured {
                 let weight = lanes!(|s: &Stretch<f64, Panels>| s.measured.map_or(0.0, |m| m.0));
@@ -211,7 +217,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
             false => 0,
         };
         let first = periods(self.lane(0));
-        let kernels = &self.timelines[0].model.kernels;
+        let kernels = self.timelines[0].model.searched_kernels();
         if self.timelines.iter().all(|t| periods(t) == first) {
             if first == 0 {
                 return None;
@@ -222,6 +228,17 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
             std::array::from_fn(|lane| kernels.numbers(periods(self.lane(lane))));
         let numbers = numbers.each_ref().map(LookedUp::get);
         Some(DwellKernel::gather(self.ar, &numbers))
+    }
+    #[inline(always)]
+    fn azimuth(&self) -> Option<f64> {
+        self.timelines[0].azimuth()
+    }
+    #[inline(always)]
+    fn vertical(&self, leg: usize) -> Lane<S, L> {
+        self.gather(|t| match leg < t.count() {
+            true => t.vertical(leg),
+            false => 0.0,
+        })
     }
     #[inline(always)]
     fn remains(&self, leg: usize) -> bool {
@@ -245,6 +262,8 @@ struct Batch<'a> {
     model: &'a CovarianceModel,
     timelines: &'a [Timeline],
     rule: TickRule,
+    /// Of the shape that is carried.
+    facts: Facts,
 }
 
 impl<'a> Batch<'a> {
@@ -270,6 +289,7 @@ impl<'a> Batch<'a> {
             timeline: &self.timelines[i],
             rule: self.rule,
             keep_empty,
+            facts: self.facts,
         };
         Group::new(ar, of.iter().map(timeline).collect())
     }
@@ -373,6 +393,7 @@ impl Values<'_> {
             model,
             timelines,
             rule,
+            ..
         } = self.batch;
         let end = match self.between {
             None => Rooted::new(model.end_covariance_in_doubles(&timelines[i], rule)?.root),
@@ -422,6 +443,7 @@ impl CovarianceModel {
                 model: self,
                 timelines,
                 rule,
+                facts: Facts::of::<Drift>(),
             },
             between,
             merit,
@@ -445,7 +467,10 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        self.in_lanes(timelines, rule, None, &merit)
+        match &self.mixing {
+            Some(mixing) => self.wide_values(mixing, timelines, rule, merit),
+            None => self.in_lanes(timelines, rule, None, &merit),
+        }
     }
 
     /// A figure of merit at the end of a test of which `timelines` are variants of one part, and

@@ -17,7 +17,8 @@ use super::information::{
     to_coefficients,
 };
 use super::moves::{Interval, Turn};
-use super::square::{entries, mirrored};
+use super::shape::{Drift, Facts, Shape};
+use super::square::{Entries, entries, mirrored};
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::rows::{Told, Whitened};
@@ -27,7 +28,7 @@ use crate::covariance::{
 };
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftMatrix};
 use crate::error::Result;
-use crate::motion::integral::Panels;
+use crate::motion::integral::{Panels, half_phase};
 use crate::motion::{Move, Timeline};
 
 /// The legs of one timeline.
@@ -39,13 +40,16 @@ pub(crate) struct OneTimeline<'a, A> {
     pub rule: TickRule,
     /// Whether steps of no length are wanted too (their derivative is not zero).
     pub keep_empty: bool,
+    /// Of the shape that is carried.
+    pub facts: Facts,
 }
 
 impl<A: Single> OneTimeline<'_, A> {
-    /// The move to a leg, where it takes time.
+    /// The move to a leg, where something happens in it: it takes time, or torquers count.
     pub fn slew(&self, leg: usize) -> Option<&Move> {
         let arrival = self.timeline.legs()[leg].arrival.as_ref()?;
-        (!self.model.frame_hold && arrival.duration_s > 0.0).then_some(arrival)
+        let counts = arrival.duration_s > 0.0 || self.facts.jumps;
+        (!self.model.frame_hold && counts).then_some(arrival)
     }
 
     /// Ticks of a measured move and what is left.
@@ -63,6 +67,35 @@ impl<A: Single> OneTimeline<'_, A> {
         split_periods(self.timeline.legs()[leg].dwell_s, self.model.period_s).1
     }
 
+    fn panels(&self, m: &Move, length_s: f64) -> Panels {
+        Panels::of_half_phase(half_phase(m, length_s) * self.facts.phase)
+    }
+
+    /// A move without duration, as if it took a second in which nothing else happens.
+    fn jump(&self, m: &Move) -> Stretch<f64, Panels> {
+        let in_a_second = Move {
+            duration_s: 1.0,
+            ..*m
+        };
+        Stretch {
+            turn: Turn {
+                from: m.reduced_from(),
+                change: m.change,
+                duration_s: 1.0,
+                time: 0.0,
+            },
+            interval: Interval {
+                start_s: 0.0,
+                length_s: 1.0,
+            },
+            panels: self.panels(&in_a_second, 1.0),
+            elapsed_s: 0.0,
+            present: 1.0,
+            last: 0.0,
+            measured: None,
+        }
+    }
+
     fn relaxed_weight(&self, length_s: f64) -> Option<f64> {
         (self.rule == TickRule::Relaxed)
             .then(|| length_s / (self.model.period_s * self.model.noise_variance))
@@ -75,11 +108,8 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
         self.timeline.legs().len()
     }
     #[inline(always)]
-    fn place(&self, leg: usize) -> Place<A> {
-        Place::new(
-            self.ar,
-            attitude_entries(&self.timeline.legs()[leg].attitude),
-        )
+    fn attitude(&self, leg: usize) -> Entries<f64> {
+        attitude_entries(&self.timeline.legs()[leg].attitude)
     }
     #[inline(always)]
     fn alpha(&self, leg: usize) -> (f64, f64) {
@@ -93,7 +123,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     fn stretches(&self, leg: usize) -> usize {
         match self.slew(leg) {
             None => 0,
-            Some(m) if m.measured => {
+            Some(m) if m.measured && m.duration_s > 0.0 => {
                 let (ticks, remainder) = self.ticks(m);
                 ticks + usize::from(remainder > 0.0 || self.keep_empty)
             }
@@ -110,6 +140,9 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
             measured: false,
         };
         let m = self.slew(leg).unwrap_or(&none);
+        if m.duration_s <= 0.0 {
+            return self.jump(m);
+        }
         let period_s = self.model.period_s;
         let (start_s, length_s, last, measured) = if m.measured {
             let (ticks, remainder) = self.ticks(m);
@@ -130,9 +163,12 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
                 from: m.reduced_from(),
                 change: m.change,
                 duration_s: m.duration_s,
+                time: 1.0,
             },
             interval: Interval { start_s, length_s },
-            panels: Panels::of(m, length_s),
+            panels: self.panels(m, length_s),
+            elapsed_s: length_s,
+            present: 1.0,
             last: if last { 1.0 } else { 0.0 },
             measured,
         }
@@ -152,8 +188,17 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
         if periods == 0 {
             return None;
         }
-        let numbers = self.model.kernels.numbers(periods);
+        let numbers = self.model.searched_kernels().numbers(periods);
         Some(DwellKernel::new(self.ar, numbers.get()))
+    }
+    #[inline(always)]
+    fn azimuth(&self) -> Option<f64> {
+        let variance = self.model.azimuth_variance?;
+        Some(self.model.noise_variance / variance)
+    }
+    #[inline(always)]
+    fn vertical(&self, leg: usize) -> f64 {
+        self.periods(leg) as f64 / self.model.noise_variance
     }
     #[inline(always)]
     fn remains(&self, leg: usize) -> bool {
@@ -227,10 +272,11 @@ impl Task for ToEnd<'_> {
             timeline: self.timeline,
             rule: self.rule,
             keep_empty: keeps_tape,
+            facts: Facts::of::<Drift>(),
         };
         let mut tape = take_tape(keeps_tape);
         let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
-        let chain = course::forward(ar, &legs, &earth, &mut gains, &mut tape);
+        let chain = course::forward::<_, Drift>(ar, &legs, &earth, &mut gains, &mut tape);
         let factor = chain.e.factor(ar, &model.prior_scale);
         let mut p = factor.covariance(ar);
         let of = ByFactors {
@@ -251,13 +297,14 @@ impl Task for ToEnd<'_> {
                         complete(ar, &mut p);
                         symmetric_product(ar, &p, &pulled_slope(ar, &p, g))
                     }
-                    Slope::InRoot(_) => known_rows(ar, &by_gyros(&slope.of_information(&of))),
+                    _ => known_rows(ar, &by_gyros(&slope.of_information(&of))),
                 };
                 course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
                 value
             }),
             Wanted::Gradient(merit, out) => {
-                let whitened = Whitened::new(&told(&legs, &tape), &model.prior_sigma);
+                let told = told(&legs, &earth, &tape);
+                let whitened = Whitened::new(&told, &model.prior_sigma);
                 whitened.and_then(|whitened| {
                     let of = Rooted::new(whitened.root.clone());
                     let (value, slope) = merit(&of)?;
@@ -279,7 +326,7 @@ impl Task for ToEnd<'_> {
 }
 
 /// The rows on D that the chain has told, in order.
-fn told<A: Single>(legs: &OneTimeline<'_, A>, tape: &Tape<A>) -> Vec<Told> {
+fn told<A: Single>(legs: &OneTimeline<'_, A>, earth: &Earth<f64>, tape: &Tape<A>) -> Vec<Told> {
     let mut told = Vec::new();
     let mut push = |row: &[A::Quad; 3], scale: f64| {
         told.push(Told::new(
@@ -291,8 +338,9 @@ fn told<A: Single>(legs: &OneTimeline<'_, A>, tape: &Tape<A>) -> Vec<Told> {
     for (leg, step) in &tape.steps {
         match step {
             Step::Dwell(dwell) => {
-                let h = legs.place(*leg).h;
-                let second = entries(&dwell.q_c).map(|row| row.map(|v| h.times(v)));
+                let [h] = Place::<A>::new(legs.ar, earth, legs.attitude(*leg)).h;
+                let [q_c] = dwell.q_c;
+                let second = entries(&q_c).map(|row| row.map(|v| h.times(v)));
                 dwell.x.iter().chain(&second).for_each(|row| push(row, 1.0));
             }
             Step::Measure(measure, ..) => {
@@ -341,9 +389,9 @@ thread_local! {
 
 /// This thread's tape, empty. Taken out, not borrowed: a figure of merit may itself ask for a
 /// gradient.
-pub(crate) fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
+pub(crate) fn take_tape<A: Arithmetic + 'static, S: Shape>(on: bool) -> Box<Tape<A, S>> {
     let kept = TAPE.with(RefCell::take);
-    let kept: Option<Box<Tape<A>>> = kept.and_then(|t| t.downcast().ok());
+    let kept: Option<Box<Tape<A, S>>> = kept.and_then(|t| t.downcast().ok());
     let mut tape = kept.unwrap_or_else(|| {
         Box::new(Tape {
             on,
@@ -356,7 +404,7 @@ pub(crate) fn take_tape<A: Arithmetic + 'static>(on: bool) -> Box<Tape<A>> {
 }
 
 /// Puts the tape back.
-pub(crate) fn keep_tape<A: Arithmetic + 'static>(tape: Box<Tape<A>>) {
+pub(crate) fn keep_tape<A: Arithmetic + 'static, S: Shape>(tape: Box<Tape<A, S>>) {
     TAPE.with(|slot| slot.replace(Some(tape)));
 }
 
@@ -374,6 +422,9 @@ impl CovarianceModel {
         rule: TickRule,
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Result<f64> {
+        if let Some(mixing) = &self.mixing {
+            return self.wide_value(mixing, timeline, rule, merit);
+        }
         Ok(self.to_end(timeline, rule, &mut merit)?.value)
     }
 
@@ -431,6 +482,9 @@ impl CovarianceModel {
         rule: TickRule,
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
+        if let Some(mixing) = &self.mixing {
+            return self.wide_gradient(mixing, timeline, rule, merit);
+        }
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
         let end = dispatch::run(ToEnd {
             model: self,

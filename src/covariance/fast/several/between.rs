@@ -129,7 +129,7 @@ pub(super) fn run<S: Simd, L: Alignment>(
         None => (Carried::new(ar), None),
         Some(b) => (
             Carried::known(ar, &b.v, &b.e),
-            b.from.as_ref().map(|a| place(ar, a)),
+            b.from.as_ref().map(|a| place(ar, &earth, a)),
         ),
     };
     let chain = course::forward_from(ar, group, &earth, &mut gains, tape, from);
@@ -145,7 +145,7 @@ pub(super) fn run<S: Simd, L: Alignment>(
 }
 
 #[inline(always)]
-fn place<A: Arithmetic>(ar: A, attitude: &Attitude) -> Place<A> {
+fn place<A: Arithmetic>(ar: A, earth: &Earth<A::Number>, attitude: &Attitude) -> Place<A> {
     let c = attitude_entries(attitude);
-    Place::new(ar, three!(|i| three!(|j| ar.number(c[i][j]))))
+    Place::new(ar, earth, three!(|i| three!(|j| ar.number(c[i][j]))))
 }

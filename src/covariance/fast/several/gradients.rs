@@ -7,6 +7,7 @@
 use pulp::Simd;
 
 use super::{Batch, Covariance, Factorise, Group, OfLane, keeps_digits_in};
+use crate::covariance::fast::adjoint;
 use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, Work, four, three,
 };
@@ -17,6 +18,7 @@ use crate::covariance::fast::gains::Own;
 use crate::covariance::fast::information::{
     Factor, PLACES, Rows, by_gyros, complete, symmetric_product,
 };
+use crate::covariance::fast::shape::{Drift, Facts, Shape};
 use crate::covariance::fast::single::{keep_tape, take_tape};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite};
@@ -26,10 +28,22 @@ use crate::motion::Timeline;
 
 /// Derivatives with respect to one leg, per lane.
 #[derive(Debug, Clone, Copy)]
-struct LaneGradient<N> {
+pub(super) struct LaneGradient<N> {
     angles: [N; 3],
     dwell_s: N,
     move_s: N,
+}
+
+impl<S: Simd, L: Alignment> LaneGradient<Register<S, L>> {
+    /// Of one lane.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> LegGradient {
+        LegGradient {
+            angles: [0, 1, 2].map(|a| self.angles[a].lane(lane)),
+            dwell_s: self.dwell_s.lane(lane),
+            move_s: self.move_s.lane(lane),
+        }
+    }
 }
 
 impl<N: Number> LegAdjoint<N> for LaneGradient<N> {
@@ -107,7 +121,7 @@ impl LaneTask for Gradients<'_> {
         let mut tape = take_tape(true);
         let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
         let mut gains = Own::new(ar, &group, &earth, &model.prior_psi);
-        let chain = course::forward(ar, &group, &earth, &mut gains, &mut tape);
+        let chain = course::forward::<_, Drift>(ar, &group, &earth, &mut gains, &mut tape);
         let factor = ar.apart(Factorise(ar, &chain.e, &model.prior_scale));
         let mut p = ar.apart(Covariance(ar, &factor));
         let slopes = self.slopes::<S, L>(&factor, &p);
@@ -118,11 +132,7 @@ impl LaneTask for Gradients<'_> {
         for (lane, &i) in self.of.iter().enumerate() {
             if let Ok((_, legs)) = &mut self.out[i] {
                 let count = group.timelines[lane].count();
-                legs.extend(gradient.iter().take(count).map(|g| LegGradient {
-                    angles: [0, 1, 2].map(|a| g.angles[a].lane(lane)),
-                    dwell_s: g.dwell_s.lane(lane),
-                    move_s: g.move_s.lane(lane),
-                }));
+                legs.extend(gradient.iter().take(count).map(|g| g.of_lane(lane)));
             }
         }
     }
@@ -154,11 +164,11 @@ impl Gradients<'_> {
 
 /// The derivatives of every lane's figure of merit, leg by leg.
 #[inline(always)]
-fn backward<S: Simd, L: Alignment>(
+pub(super) fn backward<S: Simd, L: Alignment, C: Shape>(
     group: &Group<'_, S, L>,
     earth: &Earth<Register<S, L>>,
-    tape: &Tape<Lanes<S, L>>,
-    information: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
+    tape: &Tape<Lanes<S, L>, C>,
+    information: &impl adjoint::InformationAdjoint<Lanes<S, L>, C>,
 ) -> Vec<LaneGradient<Register<S, L>>> {
     let ar = group.ar;
     let model = group.timelines[0].model;
@@ -200,7 +210,7 @@ impl Slopes {
                     self.variances[i][lane] = g[c];
                 }
             }
-            Slope::InRoot(_) => {
+            _ => {
                 let none = || Box::new([[[0.0; MOST_LANES]; COEFFICIENTS]; COEFFICIENTS]);
                 let entries = self.of_information.get_or_insert_with(none);
                 let rows = by_gyros(&slope.of_information(of));
@@ -244,6 +254,9 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
+        if let Some(mixing) = &self.mixing {
+            return self.wide_gradients(mixing, timelines, rule, merit);
+        }
         let mut out: Vec<Answer> = Vec::new();
         out.resize_with(timelines.len(), || Err(not_finite()));
         let lanes = lanes(self.most_lanes);
@@ -260,6 +273,7 @@ impl CovarianceModel {
                     model: self,
                     timelines,
                     rule,
+                    facts: Facts::of::<Drift>(),
                 },
                 of,
                 merit: &merit,
@@ -276,6 +290,6 @@ impl CovarianceModel {
 }
 
 /// Whether `count` schedules in so many lanes take less time than one by one.
-fn is_worth_while(count: usize, lanes: usize) -> bool {
+pub(super) fn is_worth_while(count: usize, lanes: usize) -> bool {
     lanes >= 4 && 2 * count > lanes
 }

@@ -1,0 +1,233 @@
+//! One schedule with all parameters of a platform's error model: as [`super::single`], with more
+//! columns.
+
+mod seen;
+#[cfg(test)]
+mod tests;
+mod told;
+
+use super::arithmetic::{Arithmetic, Single};
+use super::course;
+use super::dispatch::{self, Task};
+use super::gains::Own;
+use super::mixing::{Kind, Mixing};
+use super::posterior::Posterior;
+use super::shape::{Catalogue, Facts, Instruments, Shape};
+use super::single::{OneTimeline, keep_tape, take_tape};
+use super::tiles::{Tiles, WideAdjoint};
+use crate::covariance::gradient::LegGradient;
+use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
+use crate::error::Result;
+use crate::motion::Timeline;
+pub(crate) use seen::OfPosterior;
+use told::{Stacked, told};
+
+/// A figure of merit.
+type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
+
+/// What is wanted at the end of a timeline.
+enum Wanted<'a> {
+    Value(Merit<'a, f64>),
+    Gradient(Merit<'a, (f64, Slope)>, &'a mut [LegGradient]),
+}
+
+/// How a value is worked out.
+#[derive(Debug, Clone, Copy, Default)]
+struct How {
+    /// By the rows even where sums of squares keep their digits.
+    by_rows: bool,
+    /// Steps of no length too, as in lanes.
+    in_step: bool,
+}
+
+/// The end of a timeline, and what is wanted of it.
+struct ToEnd<'a, S> {
+    model: &'a CovarianceModel,
+    mixing: &'a Mixing,
+    timeline: &'a Timeline,
+    rule: TickRule,
+    wanted: Wanted<'a>,
+    how: How,
+    _shape: S,
+}
+
+impl<S: WideShape> Task for ToEnd<'_, S> {
+    type Output = Result<f64>;
+    #[inline(always)]
+    fn run<A: Single>(self, ar: A) -> Result<f64> {
+        let Self { model, mixing, .. } = self;
+        let earth = model.earth();
+        let keeps_tape = matches!(self.wanted, Wanted::Gradient(..));
+        let legs = OneTimeline {
+            ar,
+            model,
+            timeline: self.timeline,
+            rule: self.rule,
+            keep_empty: keeps_tape || self.how.in_step,
+            facts: Facts::of::<S>(),
+        };
+        let mut tape = take_tape(keeps_tape);
+        let (posterior, kept) = loop {
+            let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
+            let chain = course::forward::<A, S>(ar, &legs, &earth, &mut gains, &mut tape);
+            let tiles = S::numbers(&chain.e);
+            let posterior = Posterior::new(0.0, mixing, &tiles);
+            let kept = !self.how.by_rows && posterior.keeps_digits(|v| v);
+            if kept || tape.on {
+                break (posterior, kept);
+            }
+            // Once more, with the rows kept.
+            tape.on = true;
+        };
+        let of = OfPosterior::new(&posterior, mixing, |v: f64| v);
+        let by_rows = || {
+            let told = told(ar, &legs, &earth, &tape, mixing);
+            Stacked::new(&told, mixing)
+        };
+        let value = match self.wanted {
+            Wanted::Value(merit) if kept => merit(&of),
+            Wanted::Value(merit) => by_rows().and_then(|stacked| merit(&stacked)),
+            Wanted::Gradient(merit, out) => {
+                // No closures around what is bulky: they would be compiled without the registers.
+                let found = if kept {
+                    match merit(&of) {
+                        Ok((value, slope)) => {
+                            let of_parameters = posterior.adjoint(&of.pulled(&slope));
+                            let of_columns = mixing.pulled(0.0, &of_parameters);
+                            Ok((value, WideAdjoint::<A, S>::new(ar, &of_columns)))
+                        }
+                        Err(error) => Err(error),
+                    }
+                } else {
+                    by_rows().and_then(|stacked| {
+                        let (value, slope) = merit(&stacked)?;
+                        Ok((value, stacked.times_adjoint::<A, S>(ar, &slope)))
+                    })
+                };
+                let per_s = 1.0 / (model.period_s * model.noise_variance);
+                match found {
+                    Ok((value, information)) => {
+                        course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+                        Ok(value)
+                    }
+                    Err(error) => Err(error),
+                }
+            }
+        };
+        keep_tape(tape);
+        value
+    }
+}
+
+/// A shape whose information is in tiles.
+pub(crate) trait WideShape: Shape {
+    /// The entries of all tiles.
+    fn numbers<A: Arithmetic>(e: &Self::Information<A>) -> Vec<A::Number>;
+}
+
+macro_rules! wide_shape {
+    ($($S:ty),*) => {$(
+        impl WideShape for $S {
+            #[inline(always)]
+            fn numbers<A: Arithmetic>(e: &Tiles<A, Self>) -> Vec<A::Number> {
+                e.numbers()
+            }
+        }
+    )*};
+}
+wide_shape!(Instruments, Catalogue);
+
+impl CovarianceModel {
+    fn to_wide_end<'a>(
+        &'a self,
+        mixing: &'a Mixing,
+        timeline: &'a Timeline,
+        rule: TickRule,
+        how: How,
+        wanted: Wanted<'a>,
+    ) -> Result<f64> {
+        macro_rules! run {
+            ($shape:expr) => {
+                dispatch::run(ToEnd {
+                    model: self,
+                    mixing,
+                    timeline,
+                    rule,
+                    wanted,
+                    how,
+                    _shape: $shape,
+                })
+            };
+        }
+        match mixing.kind {
+            Kind::Instruments => run!(Instruments),
+            Kind::Catalogue => run!(Catalogue),
+        }
+    }
+
+    /// As [`CovarianceModel::value`], with the parameters of `mixing`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when the information overflows; what
+    /// `merit` returns.
+    pub(super) fn wide_value(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
+    ) -> Result<f64> {
+        self.to_wide_end(
+            mixing,
+            timeline,
+            rule,
+            How::default(),
+            Wanted::Value(&mut merit),
+        )
+    }
+
+    /// The same with the bits that it has in lanes.
+    pub(super) fn wide_value_in_step(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        merit: Merit<'_, f64>,
+    ) -> Result<f64> {
+        let how = How {
+            in_step: true,
+            ..How::default()
+        };
+        self.to_wide_end(mixing, timeline, rule, how, Wanted::Value(merit))
+    }
+
+    /// As [`CovarianceModel::gradient`], with the parameters of `mixing`.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::wide_value`].
+    pub(super) fn wide_gradient(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
+    ) -> Result<(f64, Vec<LegGradient>)> {
+        self.wide_gradient_by(mixing, timeline, rule, How::default(), &mut merit)
+    }
+
+    fn wide_gradient_by(
+        &self,
+        mixing: &Mixing,
+        timeline: &Timeline,
+        rule: TickRule,
+        how: How,
+        merit: Merit<'_, (f64, Slope)>,
+    ) -> Result<(f64, Vec<LegGradient>)> {
+        let mut out = vec![LegGradient::default(); timeline.legs().len()];
+        let wanted = Wanted::Gradient(merit, &mut out);
+        let value = self.to_wide_end(mixing, timeline, rule, how, wanted)?;
+        Ok((value, out))
+    }
+}
