@@ -218,6 +218,25 @@ impl Criterion {
         }
     }
 
+    /// What is closest to it of the twelve coefficients alone: for estimates by those.
+    pub(crate) fn estimate(&self) -> Self {
+        match self {
+            Self::A { weights, .. } if weights.sum() > 0.0 => Self::weighted(*weights),
+            Self::MaxRatio { spec_deg_per_h, .. } if spec_deg_per_h.min().is_finite() => {
+                Self::max_ratio(*spec_deg_per_h)
+            }
+            Self::A { .. } | Self::MaxRatio { .. } => Self::rms(),
+            Self::D | Self::E => self.clone(),
+            Self::Use { weight } => {
+                let first = weight.nrows() - COEFFICIENTS;
+                let own = weight.view((first, first), (COEFFICIENTS, COEFFICIENTS));
+                Self::Use {
+                    weight: own.into_owned(),
+                }
+            }
+        }
+    }
+
     /// Whether parameters beside the twelve coefficients have a part in the value.
     pub fn counts_others(&self) -> bool {
         match self {

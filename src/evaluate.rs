@@ -5,13 +5,14 @@
 //! One figure of merit, lower is better:
 //!
 //! ```text
-//! score = w_cov · ln(criterion) − w_sep · mean_i ln(max(separability_i, 1e-3))
+//! score = w_cov · ln(criterion) − w_sep · mean_i ln(max(separability_i, 1e-3)) + w_conv · ⟨ln(criterion)⟩
 //! ```
 //!
 //! The first part is the covariance the filter converges to, by a [`Criterion`] on P_D; the
 //! second what the ε^n expansions say of telling the coefficients apart, all channels weighted
 //! by their noise; coefficients known before the test are left out. By default w_cov = 1, w_sep =
-//! 0.01: of schedules of nearly the same accuracy, the one that separates better. A
+//! 0.01: of schedules of nearly the same accuracy, the one that separates better. The third, by default
+//! without weight, is the average of ln(criterion) over the test: it rewards early convergence. A
 //! `minimum_separability` is a requirement on every coefficient; a schedule that misses it is said to.
 //!
 //! # Two computations of every number
@@ -23,26 +24,24 @@
 //! anything are both repeated in numbers of 32 digits, which then must agree; the difference that
 //! there was in doubles is kept ([`Evaluation::first_disagreement`]).
 
+mod convergence;
 mod disagreement;
 mod known;
+mod merit;
 
 use nalgebra::DMatrix;
 
 use crate::covariance::filter::{self, instrument::Instrument};
 use crate::covariance::full::{FullCovariance, IgnoredGroup};
-use crate::covariance::gradient::LegGradient;
 use crate::covariance::history::{ConvergenceHistory, HistoryRecorder};
 use crate::covariance::real::{Extended, Real};
 use crate::covariance::selection::FullWithTold;
-use crate::covariance::{
-    CoefficientCovariance, CovarianceModel, EndCovariance, Precision, Slope, TickRule,
-};
-use crate::criterion::{Criterion, Smoothing, largest_principal_sigma};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::covariance::{CovarianceModel, EndCovariance, Precision, TickRule};
+use crate::criterion::{Criterion, largest_principal_sigma};
+use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
-use crate::observability::log_separability::LogSeparability;
 use crate::observability::parameters::of_parameters;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
@@ -61,6 +60,8 @@ pub struct Objective {
     pub covariance_weight: f64,
     /// Weight of −mean ln(separability) in the score.
     pub separability_weight: f64,
+    /// Weight of the average of ln(criterion) over the test in the score.
+    pub convergence_weight: f64,
     /// Smallest acceptable separability of any coefficient, 0 to 1; 0 asks for nothing.
     pub minimum_separability: f64,
     /// 1σ specification of each coefficient, °/h; infinite where there is none.
@@ -80,6 +81,7 @@ impl Default for Objective {
             criterion: Criterion::rms(),
             covariance_weight: 1.0,
             separability_weight: Self::SEPARABILITY_WEIGHT,
+            convergence_weight: 0.0,
             minimum_separability: 0.0,
             spec_deg_per_h: None,
             others: Vec::new(),
@@ -118,6 +120,8 @@ pub struct Score {
     /// −w_sep · mean ln(separability) over the coefficients that are not known before the test, each
     /// counted as 1e-3 at least.
     pub separability_part: f64,
+    /// w_conv · the average of ln(criterion) over the test.
+    pub convergence_part: f64,
     /// Smallest separability of a coefficient.
     pub least_separability: f64,
     /// Whether every coefficient reaches the minimum separability asked for.
@@ -219,6 +223,8 @@ struct Judged {
 pub struct Evaluator {
     platform: Platform,
     objective: Objective,
+    /// The criterion for estimates that know the twelve coefficients alone.
+    estimate: Criterion,
     model: CovarianceModel,
     /// What the step-by-step filter takes for the instrument.
     instrument: Instrument,
@@ -230,6 +236,7 @@ impl Evaluator {
         let model = CovarianceModel::new(&platform).seeing(&objective.others);
         Self {
             instrument: Instrument::of(&platform),
+            estimate: objective.criterion.estimate(),
             platform,
             objective,
             model,
@@ -286,7 +293,7 @@ impl Evaluator {
         let observability = Observability::analyze(&self.model, &timeline)?;
         let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
         let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
-        let score = self.score(&full, &observability)?;
+        let score = self.score(&timeline, &full, &observability)?;
         let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
@@ -388,18 +395,25 @@ impl Evaluator {
         })
     }
 
-    fn score(&self, full: &FullCovariance, observability: &Observability) -> Result<Score> {
+    fn score(
+        &self,
+        timeline: &Timeline,
+        full: &FullCovariance,
+        observability: &Observability,
+    ) -> Result<Score> {
         let o = &self.objective;
         let criterion = o.criterion.value(&full.seeing(&o.others))?;
         let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
         let counted = self.counted_separability(&observability.separability.map(libm::log));
         let separability_part = o.separability_weight * counted.0;
         let least_separability = observability.separability.min();
+        let convergence_part = self.convergence_by_filter(timeline)?;
         Ok(Score {
-            value: covariance_part + separability_part,
+            value: covariance_part + separability_part + convergence_part,
             criterion,
             covariance_part,
             separability_part,
+            convergence_part,
             least_separability,
             meets_minimum_separability: least_separability >= o.minimum_separability,
         })
@@ -423,172 +437,12 @@ impl Evaluator {
         let value = criterion.value(&full.seeing(others))?;
         Ok((full.end, value))
     }
-
-    /// The figure of merit of a search: the score, plus a penalty below the minimum
-    /// separability, by the fast kernels. Infinite where nothing can be said.
-    pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
-        let value = self.model.value(timeline, TickRule::Relaxed, merit)?;
-        Ok(value + self.separability_part(timeline))
-    }
-
-    /// The covariance's part of the merit from P_D.
-    pub(crate) fn merit_of_covariance(
-        &self,
-        covariance: &dyn CoefficientCovariance,
-        smoothing: Smoothing,
-    ) -> Result<f64> {
-        let weight = self.objective.covariance_weight;
-        if weight == 0.0 {
-            return Ok(0.0);
-        }
-        Ok(weight * self.objective.criterion.log(covariance, smoothing)?)
-    }
-
-    /// The merit of every timeline, several at once.
-    pub(crate) fn merits(&self, timelines: &[Timeline], smoothing: Smoothing) -> Vec<Result<f64>> {
-        self.merits_by(timelines, TickRule::Relaxed, smoothing)
-    }
-
-    /// The merit of every timeline by the filter's own rule, several at once.
-    pub(crate) fn merits_by_filter(&self, timelines: &[Timeline]) -> Vec<Result<f64>> {
-        self.merits_by(timelines, TickRule::Filter, Smoothing::Exact)
-    }
-
-    fn merits_by(
-        &self,
-        timelines: &[Timeline],
-        rule: TickRule,
-        smoothing: Smoothing,
-    ) -> Vec<Result<f64>> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
-        let mut merits = self.model.values(timelines, rule, merit);
-        for (merit, timeline) in merits.iter_mut().zip(timelines) {
-            if let Ok(merit) = merit {
-                *merit += self.separability_part(timeline);
-            }
-        }
-        merits
-    }
-
-    /// What separability adds to the merit; nothing where it has no part in the objective.
-    pub(crate) fn separability_part(&self, timeline: &Timeline) -> f64 {
-        if !self.objective.uses_separability() {
-            return 0.0;
-        }
-        self.separability_merit(&LogSeparability::new(&self.model, timeline).log)
-            .0
-    }
-
-    /// [`Evaluator::merit`] with its gradient.
-    pub(crate) fn merit_gradient(
-        &self,
-        timeline: &Timeline,
-        smoothing: Smoothing,
-    ) -> Result<(f64, Vec<LegGradient>)> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
-        let mut found = self.model.gradient(timeline, TickRule::Relaxed, merit)?;
-        self.add_separability(timeline, &mut found);
-        Ok(found)
-    }
-
-    /// The same of every timeline, several at once; each has the bits that it has alone.
-    pub(crate) fn merit_gradients(
-        &self,
-        timelines: &[Timeline],
-        smoothing: Smoothing,
-    ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
-        let mut all = self.model.gradients(timelines, TickRule::Relaxed, merit);
-        for (timeline, found) in timelines.iter().zip(&mut all) {
-            if let Ok(found) = found {
-                self.add_separability(timeline, found);
-            }
-        }
-        all
-    }
-
-    /// [`Evaluator::merit_of_covariance`] with its derivative.
-    pub(crate) fn merit_and_slope(
-        &self,
-        covariance: &dyn CoefficientCovariance,
-        smoothing: Smoothing,
-    ) -> Result<(f64, Slope)> {
-        let weight = self.objective.covariance_weight;
-        if weight == 0.0 {
-            return Ok((0.0, Slope::InRoot(CoefficientMatrix::zeros())));
-        }
-        let criterion = &self.objective.criterion;
-        let (log, slope) = criterion.log_with_gradient(covariance, smoothing)?;
-        Ok((weight * log, slope.times(weight)))
-    }
-
-    /// Adds the separability's part, where it has one, to a merit and its gradient.
-    fn add_separability(
-        &self,
-        timeline: &Timeline,
-        (value, gradient): &mut (f64, Vec<LegGradient>),
-    ) {
-        if !self.objective.uses_separability() {
-            return;
-        }
-        let s = LogSeparability::new(&self.model, timeline);
-        let (part, slopes) = self.separability_merit(&s.log);
-        *value += part;
-        s.add_gradient(timeline, &slopes, gradient);
-    }
-
-    /// −mean ln(separability) of the coefficients that are not known before the test, each counted
-    /// as [`LEAST_COUNTED`] at least, and its derivative with respect to each ln s_i.
-    fn counted_separability(&self, log: &CoefficientVector) -> (f64, CoefficientVector) {
-        let prior = self.model.prior_sigma_deg_per_h();
-        let least = libm::log(LEAST_COUNTED);
-        let unknown = prior.iter().filter(|s| **s > 0.0).count();
-        // With all of them known nothing is counted.
-        let share = 1.0 / unknown.max(1) as f64;
-        let (mut value, mut slopes) = (0.0, CoefficientVector::zeros());
-        for i in (0..COEFFICIENTS).filter(|&i| prior[i] > 0.0) {
-            value -= share * log[i].max(least);
-            if log[i] > least {
-                slopes[i] = -share;
-            }
-        }
-        (value, slopes)
-    }
-
-    /// The separability's part of the merit and its derivative with respect to each ln s_i.
-    fn separability_merit(&self, log: &CoefficientVector) -> (f64, CoefficientVector) {
-        /// Weight of the squared shortfall: one per cent short costs as much as a criterion
-        /// twenty per cent worse.
-        const SHORTFALL_WEIGHT: f64 = 2000.0;
-        /// A penalty stops just short of its aim, so the aim is half a per cent above.
-        const MARGIN: f64 = 0.005;
-        let o = &self.objective;
-        let (counted, slopes) = self.counted_separability(log);
-        let mut value = o.separability_weight * counted;
-        let mut slopes = slopes * o.separability_weight;
-        if o.minimum_separability > 0.0 {
-            let wanted = libm::log(o.minimum_separability) + MARGIN;
-            for (slope, log) in slopes.iter_mut().zip(log.iter()) {
-                let short = (wanted - log).max(0.0);
-                // Quadratic near the aim, linear far from it.
-                let near = short.min(1.0);
-                value += SHORTFALL_WEIGHT * near * (2.0 * short - near);
-                *slope -= 2.0 * SHORTFALL_WEIGHT * near;
-            }
-        }
-        (value, slopes)
-    }
 }
 
 /// A part of the score. Not 0 · ∞: without a weight there is no such part.
 fn weighted(weight: f64, value: f64) -> f64 {
     if weight == 0.0 { 0.0 } else { weight * value }
 }
-
-/// A coefficient that is hardly separated, or not at all, counts in the score as if it were so far:
-/// one that no schedule on the stand can separate must not hide what is told of the others.
-const LEAST_COUNTED: f64 = 1e-3;
 
 /// Why numbers of 32 digits do not settle it.
 fn why_lost(timeline: &Timeline) -> &'static str {

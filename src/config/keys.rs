@@ -98,6 +98,7 @@ const OF_THE_TASK: &[(&str, Absent)] = &[
     ("objective.use", Nothing),
     ("objective.score.covariance_weight", Assumed),
     ("objective.score.separability_weight", Assumed),
+    ("objective.score.convergence_weight", Assumed),
     ("objective.score.minimum_separability", Assumed),
     ("objective.accept_unobservable", Nothing),
     ("search.max_positions", Assumed),

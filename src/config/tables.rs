@@ -170,6 +170,8 @@ pub struct ScoreConfig {
     pub covariance_weight: f64,
     /// Weight of the separability of the coefficients, 0 to 1e6; 0: the covariance alone.
     pub separability_weight: f64,
+    /// Weight of the average of ln(criterion) over the test, 0 to 1e6: rewards early convergence.
+    pub convergence_weight: f64,
     /// Least separability that a schedule must give every coefficient, 0 to 1.
     pub minimum_separability: f64,
 }
@@ -179,6 +181,7 @@ impl Default for ScoreConfig {
         Self {
             covariance_weight: 1.0,
             separability_weight: Objective::SEPARABILITY_WEIGHT,
+            convergence_weight: 0.0,
             minimum_separability: 0.0,
         }
     }
@@ -188,11 +191,18 @@ impl ScoreConfig {
     pub(super) fn check(&self) -> Result<()> {
         const COVARIANCE: &str = "objective.score.covariance_weight";
         const SEPARABILITY: &str = "objective.score.separability_weight";
+        const CONVERGENCE: &str = "objective.score.convergence_weight";
         const MINIMUM: &str = "objective.score.minimum_separability";
         in_range(COVARIANCE, self.covariance_weight, 0.0, 1e6, "0 to 1e6")?;
         in_range(SEPARABILITY, self.separability_weight, 0.0, 1e6, "0 to 1e6")?;
+        in_range(CONVERGENCE, self.convergence_weight, 0.0, 1e6, "0 to 1e6")?;
         in_range(MINIMUM, self.minimum_separability, 0.0, 1.0, "0 to 1")?;
-        if self.covariance_weight == 0.0 && self.separability_weight == 0.0 {
+        let weights = [
+            self.covariance_weight,
+            self.separability_weight,
+            self.convergence_weight,
+        ];
+        if weights.iter().all(|w| *w == 0.0) {
             return Err(Error::input("nothing is left to optimise")
                 .with_key(COVARIANCE)
                 .with_value(self.covariance_weight)

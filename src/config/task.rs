@@ -14,6 +14,7 @@ impl CheckedConfig {
             criterion: self.criterion(),
             covariance_weight: score.covariance_weight,
             separability_weight: score.separability_weight,
+            convergence_weight: score.convergence_weight,
             minimum_separability: score.minimum_separability,
             spec_deg_per_h: self.spec_deg_per_h().copied(),
             others: self.aims().others.clone(),

@@ -1,5 +1,6 @@
 use super::*;
 use crate::attitude::Position;
+use crate::criterion::Smoothing;
 use crate::drift::DriftCoefficient;
 use crate::error::Error;
 use crate::observability::Order;
@@ -211,5 +212,85 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
     for wrong in [Instrument::PAPER, wrong] {
         let found = evaluator().judged_on(wrong).evaluate(&schedule());
         assert!(found.unwrap_err().is_disagreement());
+    }
+}
+
+/// Of the average of ln(criterion) over the test: what it is, and its derivatives.
+#[test]
+fn early_convergence_has_a_value_and_a_gradient() {
+    let mut config = PlatformConfig::default();
+    config.motion.slew_rate_deg_per_s = Some(0.7);
+    config.motion.settle_s = 20.0;
+    let platform = config.check().unwrap();
+    let with = |convergence_weight| {
+        let objective = Objective {
+            convergence_weight,
+            ..Objective::default()
+        };
+        Evaluator::new(platform.clone(), objective)
+    };
+    let (plain, early) = (with(0.0), with(0.5));
+    let timeline = Timeline::new(&platform, &schedule()).unwrap();
+    let logs: Vec<(f64, f64)> = (1..=timeline.legs().len())
+        .map(|end| {
+            let prefix = timeline.only(0..end);
+            let value = plain.end_with_criterion(&prefix).unwrap().1;
+            (prefix.total_time_s(), value.ln())
+        })
+        .collect();
+    // RMS of the priors: 15 °/h for three, 8 °/h for nine.
+    let mut before = (0.0, ((3.0 * 225.0 + 9.0 * 64.0) / 12.0_f64).sqrt().ln());
+    let mut area = 0.0;
+    for end in logs {
+        area += (end.0 - before.0) * 0.5 * (before.1 + end.1);
+        before = end;
+    }
+    let expected = 0.5 * area / timeline.total_time_s();
+    let score = early.evaluate(&schedule()).unwrap().score;
+    assert!((score.convergence_part - expected).abs() < 1e-9);
+    let parts = score.covariance_part + score.separability_part + score.convergence_part;
+    assert_eq!(score.value, parts);
+
+    let smoothing = Smoothing::Exact;
+    let merit = |positions: &[ScheduledPosition]| {
+        let timeline = Timeline::unchecked(&platform, positions.iter().copied());
+        early.merit(&timeline, smoothing).unwrap()
+    };
+    // Moves whose time is given, so that it does not follow from the angles.
+    let positions: Vec<ScheduledPosition> = (schedule().positions().iter().enumerate())
+        .map(|(k, p)| ScheduledPosition {
+            move_s: (k > 0).then_some(321.0 + 10.0 * k as f64),
+            dwell_s: p.dwell_s + 3.0,
+            ..*p
+        })
+        .collect();
+    let timeline = Timeline::unchecked(&platform, positions.iter().copied());
+    let (value, gradient) = early.merit_gradient(&timeline, smoothing).unwrap();
+    assert!((value - merit(&positions)).abs() < 1e-10);
+    let slope = |h: f64, change: &dyn Fn(&mut [ScheduledPosition], f64)| {
+        let at = |by: f64| {
+            let mut changed = positions.clone();
+            change(&mut changed, by);
+            merit(&changed)
+        };
+        (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h)
+    };
+    for (k, leg) in gradient.iter().enumerate() {
+        for axis in 0..3 {
+            let numeric = slope(0.02, &|p, by| {
+                let mut deg = p[k].position.degrees();
+                deg[axis] += by;
+                p[k].position = Position::from_deg(deg[0], deg[1], deg[2]);
+            });
+            let error = numeric.to_degrees() - leg.angles[axis];
+            assert!(error.abs() < 1e-6, "{k} {axis}: {error:e}");
+        }
+        let error = slope(0.2, &|p, by| p[k].dwell_s += by) - leg.dwell_s;
+        assert!(error.abs() < 1e-8, "{k} dwell: {error:e}");
+        if k > 0 {
+            let numeric = slope(0.2, &|p, by| p[k].move_s = p[k].move_s.map(|s| s + by));
+            let error = numeric - leg.move_s;
+            assert!(error.abs() < 1e-8, "{k} move: {error:e}");
+        }
     }
 }

@@ -128,7 +128,7 @@ impl From<&Disagreement> for DisagreementRecord {
     }
 }
 
-/// The score: value = covariance_part + separability_part, lower is better.
+/// The score: value = covariance_part + separability_part + convergence_part, lower is better.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[non_exhaustive]
@@ -137,14 +137,17 @@ pub struct ScoreRecord {
     pub value: Option<f64>,
     /// Value of the criterion, in `criterion_unit`.
     pub criterion: f64,
-    /// `a`, `d`, `e` or `max-ratio`.
+    /// `a`, `d`, `e`, `max-ratio` or `use`.
     pub criterion_name: String,
-    /// `deg/h`, or `1` for `max-ratio`.
+    /// `deg/h`; `1` for `max-ratio`, `arcsec` for `use`, `mixed` for `a` with weights of other parameters.
     pub criterion_unit: String,
     /// Weight times ln(criterion); null when the criterion is zero.
     pub covariance_part: Option<f64>,
     /// −weight times mean ln(separability); null when a coefficient cannot be separated at all.
     pub separability_part: Option<f64>,
+    /// Weight times the average of ln(criterion) over the test; absent without a weight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub convergence_part: Option<f64>,
     /// Smallest separability of a coefficient, 0 to 1.
     pub least_separability: f64,
     /// Whether every coefficient reaches the minimum separability asked for.
@@ -165,6 +168,9 @@ pub struct ScoreWeights {
     pub covariance: f64,
     /// Of −mean ln(separability).
     pub separability: f64,
+    /// Of the average of ln(criterion) over the test.
+    #[serde(default)]
+    pub convergence: f64,
     /// Smallest acceptable separability, 0 to 1; 0 asks for nothing.
     pub minimum_separability: f64,
 }
@@ -311,6 +317,10 @@ impl ScoreRecord {
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),
             covariance_part: finite(score.covariance_part),
             separability_part: finite(score.separability_part),
+            convergence_part: match objective.convergence_weight > 0.0 {
+                true => finite(score.convergence_part),
+                false => None,
+            },
             least_separability: score.least_separability,
             meets_minimum_separability: score.meets_minimum_separability,
             known_before: objective
@@ -320,6 +330,7 @@ impl ScoreRecord {
             weights: ScoreWeights {
                 covariance: objective.covariance_weight,
                 separability: objective.separability_weight,
+                convergence: objective.convergence_weight,
                 minimum_separability: objective.minimum_separability,
             },
         }

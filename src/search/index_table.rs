@@ -452,7 +452,7 @@ impl<'a> Estimates<'a> {
         let merits = evaluator
             .model()
             .values_between(&parts, TickRule::Relaxed, around, |p| {
-                evaluator.merit_of_covariance(p, self.smoothing)
+                evaluator.estimate_of_covariance(p, self.smoothing)
             });
         let all = merits.into_iter().zip(more_s).zip(places);
         all.filter_map(|((merit, more_s), place)| {

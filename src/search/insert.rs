@@ -93,7 +93,7 @@ impl Gaps {
         let (platform, model) = (evaluator.platform(), evaluator.model());
         let timeline = plan.timeline(platform);
         let cuts = Cuts::new(model, &timeline, TickRule::Relaxed);
-        let merit = |p: &dyn CoefficientCovariance| evaluator.merit_and_slope(p, smoothing);
+        let merit = |p: &dyn CoefficientCovariance| evaluator.estimate_and_slope(p, smoothing);
         context.work.count_evaluations(2);
         let held = timeline.positions();
         Some(Self {

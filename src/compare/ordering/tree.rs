@@ -241,7 +241,7 @@ impl Walk<'_> {
         let covariance = Rooted::of_information(information, prior)?;
         // Without a merit there is no bound, and nothing is ruled out by it.
         evaluator
-            .merit_of_covariance(&covariance, Smoothing::Exact)
+            .estimate_of_covariance(&covariance, Smoothing::Exact)
             .ok()
     }
 
