@@ -18,6 +18,7 @@
 //! ```
 
 mod aims;
+mod grade;
 mod keys;
 mod per_coefficient;
 mod source;
@@ -25,6 +26,7 @@ mod tables;
 mod task;
 
 pub(crate) use aims::Aims;
+pub use grade::Grade;
 pub use per_coefficient::PerCoefficient;
 pub use source::{DEFAULT_TOML, StudySource};
 pub use tables::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};

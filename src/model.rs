@@ -263,6 +263,25 @@ impl ErrorModel {
         self.parameters.iter().filter(estimated).count()
     }
 
+    /// The same with a group that is considered as states of the filter. Those that are estimated
+    /// already keep their places.
+    pub(crate) fn estimating(&self, group: &str) -> Self {
+        let mut all = self.clone();
+        for p in all.parameters.iter_mut().filter(|p| p.group == group) {
+            p.role = Role::Estimated;
+        }
+        // Stable.
+        all.parameters.sort_by_key(|p| p.role == Role::Considered);
+        all
+    }
+
+    /// Whether a rate of the platform shows in the drift: torquers have errors.
+    pub fn feels_rates(&self) -> bool {
+        let effects = self.parameters.iter().filter(|p| p.prior_sigma > 0.0);
+        let mut effects = effects.flat_map(|p| self.effects_of(p));
+        effects.any(|e| e.feature.is_rate())
+    }
+
     /// Whether there is nothing but the twelve coefficients in the paper's mounting.
     pub fn is_of_the_paper(&self) -> bool {
         self.parameters.len() == COEFFICIENTS && self.mounting == Mounting::PAPER

@@ -281,6 +281,14 @@ impl Platform {
     pub fn errors(&self) -> &ErrorModel {
         &self.errors
     }
+    /// The same with a filter that estimates a group of errors that it only had to suffer.
+    pub(crate) fn estimating(&self, group: &str) -> Self {
+        Self {
+            errors: self.errors.estimating(group),
+            ..self.clone()
+        }
+    }
+
     /// Noise of the azimuth measured in each filter period, 1σ, rad; none: it is not measured.
     pub fn azimuth_noise_rad(&self) -> Option<f64> {
         self.azimuth_noise_rad

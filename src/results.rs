@@ -15,6 +15,7 @@ mod counters;
 mod evaluation;
 mod json;
 mod layout;
+mod limits;
 mod parameters;
 mod result;
 #[cfg(feature = "schema")]
@@ -40,6 +41,8 @@ pub use evaluation::{
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,
     PrecisionRecord, ScoreRecord, ScoreWeights,
 };
+pub(crate) use limits::Change;
+pub use limits::LimitRecord;
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{
     BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,

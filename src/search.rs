@@ -111,6 +111,36 @@ pub fn search(
     conclude(evaluator, control, &work, schedule)
 }
 
+/// The plan of `schedule` with angles and dwells refined in so much time by the gradient alone, from
+/// where it is; none where it turns while it measures, or cannot be refined.
+pub(crate) fn polished(
+    evaluator: &Evaluator,
+    schedule: &Schedule,
+    total_time_s: f64,
+) -> Option<plan::Plan> {
+    /// Enough for an optimum to follow a change of its limits.
+    const ITERATIONS: u64 = 60;
+    let positions = schedule.positions();
+    if positions.iter().any(|p| p.move_s.is_some()) {
+        return None;
+    }
+    let angles = positions.iter().map(|p| p.position.to_array()).collect();
+    let dwell_s = positions.iter().map(|p| p.dwell_s).collect();
+    let problem = SearchProblem {
+        total_time_s,
+        ..SearchProblem::default()
+    };
+    let context = Context {
+        evaluator,
+        problem: &problem,
+        control: &Control::default(),
+        work: &WorkDone::default(),
+    };
+    let plan = plan::Plan::new(angles, dwell_s).fitted(evaluator.platform(), total_time_s)?;
+    let smoothing = context.first_smoothing();
+    Some(refine::refine(context, &plan, smoothing, ITERATIONS)?.plan)
+}
+
 /// Where the criterion is 0 before any test and nothing else is asked for, every schedule is as
 /// good as any: the shortest one, and why.
 pub(crate) fn nothing_to_find(

@@ -22,6 +22,7 @@
 
 mod answers;
 mod compared;
+mod limits;
 mod searched;
 mod simulated;
 
@@ -166,7 +167,9 @@ impl Study {
     pub fn evaluate(&self, schedule: &Schedule) -> Result<EvaluationResult> {
         let evaluation = self.evaluator.evaluate(schedule)?;
         let objective = self.evaluator.objective();
-        let document = EvaluationDocument::new(&evaluation, schedule, objective, &self.inputs());
+        let mut document =
+            EvaluationDocument::new(&evaluation, schedule, objective, &self.inputs());
+        document.limits = self.limits(schedule);
         Ok(EvaluationResult::new(&evaluation, document))
     }
 

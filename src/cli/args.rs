@@ -6,7 +6,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::commands::CommandTable;
-use crate::config::{CriterionKind, Mode};
+use crate::config::{CriterionKind, Grade, Mode};
 use crate::results::schema::DocumentKind;
 use crate::simulate::{FilterModel, TruthModel};
 
@@ -370,6 +370,13 @@ pub(super) struct InitArgs {
     /// File to write; `-` for stdout
     #[arg(value_name = "FILE", default_value = "platform.toml")]
     pub file: PathBuf,
+    /// Plausible numbers for instruments of this grade instead of the paper's
+    #[arg(long, value_name = "GRADE", value_parser = grades())]
+    pub grade: Option<Grade>,
+    /// With the full error model: torquers, accelerometers, quadratic drift [grade: navigation, unless
+    /// given]
+    #[arg(long)]
+    pub full: bool,
     /// Overwrite the file if it exists
     #[arg(long)]
     pub force: bool,
@@ -413,6 +420,10 @@ pub(super) enum Format {
 
 fn modes() -> impl TypedValueParser<Value = Mode> {
     PossibleValuesParser::new(Mode::ALL.map(Mode::name)).try_map(|name| Mode::from_name(&name))
+}
+
+fn grades() -> impl TypedValueParser<Value = Grade> {
+    PossibleValuesParser::new(Grade::ALL.map(Grade::name)).try_map(|name| Grade::from_name(&name))
 }
 
 fn criteria() -> impl TypedValueParser<Value = CriterionKind> {

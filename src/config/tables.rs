@@ -92,7 +92,7 @@ impl CriterionKind {
     }
 }
 
-fn by_name<T: Copy>(key: &str, name: &str, named: &[(&'static str, T)]) -> Result<T> {
+pub(super) fn by_name<T: Copy>(key: &str, name: &str, named: &[(&'static str, T)]) -> Result<T> {
     if let Some((_, value)) = named.iter().find(|(known, _)| *known == name) {
         return Ok(*value);
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::limits::LimitRecord;
 use super::parameters::{self, BudgetRecord, ParameterRecord};
 use crate::config::StudyConfig;
 use crate::covariance::Precision;
@@ -55,6 +56,10 @@ pub struct EvaluationDocument {
     /// none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub budget: Vec<BudgetRecord>,
+    /// What would make the criterion better, the most helpful first; left out where that is not worked
+    /// out (schedules of a comparison, the rest of a test).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<LimitRecord>,
     /// What the schedule makes observable.
     pub observability: ObservabilityRecord,
     /// σ against time.
@@ -290,8 +295,9 @@ impl EvaluationDocument {
                 })
                 .collect(),
             coefficients: coefficients(evaluation, objective.spec_deg_per_h.as_ref()),
-            parameters: parameters::of(evaluation, objective.spec_deg_per_h.as_ref()),
+            parameters: parameters::of(evaluation, objective),
             budget: parameters::budget(evaluation),
+            limits: Vec::new(),
             observability: ObservabilityRecord::from(&evaluation.observability),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::common::finite;
-use crate::drift::{CoefficientVector, DriftCoefficient};
-use crate::evaluate::Evaluation;
+use crate::drift::{COEFFICIENTS, DriftCoefficient};
+use crate::evaluate::{Evaluation, Objective};
 use crate::model::Role;
 
 /// Whether the filter knows of a parameter.
@@ -88,10 +88,12 @@ pub struct WorstRecord {
 }
 
 /// The parameters of an evaluation.
-pub(super) fn of(
-    evaluation: &Evaluation,
-    spec: Option<&CoefficientVector>,
-) -> Vec<ParameterRecord> {
+pub(super) fn of(evaluation: &Evaluation, objective: &Objective) -> Vec<ParameterRecord> {
+    let of_others = || objective.others.iter().zip(&objective.spec_of_others);
+    let spec = |k: usize| match k < COEFFICIENTS {
+        true => objective.spec_deg_per_h.map(|s| s[k]),
+        false => of_others().find(|(at, _)| **at == k).map(|(_, spec)| *spec),
+    };
     let record = |(k, known): (usize, &crate::evaluate::KnownParameter)| {
         let p = &known.parameter;
         ParameterRecord {
@@ -102,7 +104,7 @@ pub(super) fn of(
             prior_sigma: p.prior_sigma,
             sigma: known.sigma,
             claimed_sigma: known.claimed_sigma,
-            spec: spec.and_then(|s| s.get(k).copied()).and_then(finite),
+            spec: spec(k).and_then(finite),
             observability_order: known.order.map(|o| o.number()),
             separability: known.separability,
         }

@@ -8,13 +8,15 @@
 //! sees, the other way round, is tried for the moves near a half turn ([`Plan::other_ways`]).
 
 use super::plan::Plan;
-use super::ways::{moves_take_time, straight_ways};
+use super::ways::{straight_ways, ways_count};
 use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::motion::way;
 use crate::platform::Platform;
 
-/// Changes of at least this are tried the other way round: 120°.
+/// Where moves take time, changes of at least this are tried the other way round: 120°.
 const NEAR_HALF_TURN: NanoDegrees = NanoDegrees::new(120_000_000_000);
+/// Where only the torquers feel the way, all that are a change at all.
+const ANY_TURN: NanoDegrees = NanoDegrees::new(1);
 
 impl Plan {
     /// How the gimbals turn on the way to each position; none where nothing precedes it.
@@ -129,18 +131,22 @@ impl Plan {
         }
     }
 
-    /// The plans in which one gimbal turns the other way round on one move: those of the moves near
-    /// a half turn, where moves take time.
+    /// The plans in which one gimbal turns the other way round on one move, where that counts: those
+    /// of the moves near a half turn, or of all where moves take no time.
     pub(super) fn other_ways(&self, platform: &Platform) -> Vec<Self> {
-        if !moves_take_time(platform) {
+        if !ways_count(platform) {
             return Vec::new();
         }
+        let least = match platform.motion().slew_rate_rad_per_s {
+            Some(_) => NEAR_HALF_TURN,
+            None => ANY_TURN,
+        };
         let ranges = platform.gimbals().ranges;
         let mut others = Vec::new();
         for (k, change) in self.changes(platform).into_iter().enumerate() {
             let Some(change) = change else { continue };
             for axis in (0..3).filter(|axis| ranges[*axis].is_none()) {
-                if change[axis].nano.abs() < NEAR_HALF_TURN {
+                if change[axis].nano.abs() < least {
                     continue;
                 }
                 let mut turned = change;

@@ -26,10 +26,12 @@ pub(super) fn straight_ways(platform: &Platform, angles: &[[f64; 3]]) -> Vec<Opt
     ways.collect()
 }
 
-/// Whether moves take time unless told otherwise: then it counts which way they go.
-pub(super) fn moves_take_time(platform: &Platform) -> bool {
+/// Whether it counts which way a move goes: where moves take time, and where torquers have errors,
+/// which turn ψ by the way itself, in no time too. In frame-hold repositioning it never does.
+pub(super) fn ways_count(platform: &Platform) -> bool {
     let motion = platform.motion();
-    motion.slew_rate_rad_per_s.is_some() && motion.repositioning == Repositioning::Slew
+    let felt = motion.slew_rate_rad_per_s.is_some() || platform.errors().feels_rates();
+    felt && motion.repositioning == Repositioning::Slew
 }
 
 /// A way as a schedule has it, degrees.
@@ -38,13 +40,13 @@ pub(super) fn in_deg(way: [f64; 3]) -> [f64; 3] {
 }
 
 /// The same test as a person would write it: unlimited axes in (−180°, 180°], and the way only
-/// where the move takes time and it is not the one taken anyway.
+/// where it counts and is not the one taken anyway.
 pub(super) fn tidied(
     platform: &Platform,
     positions: impl Iterator<Item = ScheduledPosition>,
 ) -> Vec<ScheduledPosition> {
     let ranges = platform.gimbals().ranges;
-    let at_once = !moves_take_time(platform);
+    let any_way = !ways_count(platform);
     let mut from = platform.standing();
     let tidied = positions.map(|mut p| {
         let exact = p.position.exact();
@@ -63,8 +65,8 @@ pub(super) fn tidied(
             let taken = way(platform, from, p.position, p.change_deg);
             let usual = way(platform, from, p.position, None);
             let unusual = (0..3).any(|axis| taken[axis].nano != usual[axis].nano);
-            let in_no_time = at_once && p.move_s.is_none();
-            (unusual && !in_no_time).then(|| taken.map(Degrees::deg))
+            let does_not_count = any_way && p.move_s.is_none();
+            (unusual && !does_not_count).then(|| taken.map(Degrees::deg))
         });
         p
     });

@@ -141,7 +141,7 @@ impl Study {
             Mode::Accuracy | Mode::Pareto => objective.total_time_s,
         };
         let evaluator = &self.evaluator;
-        let document = ResultDocument::new(
+        let mut document = ResultDocument::new(
             outcome,
             &baselines(evaluator, total_time_s),
             evaluator.objective(),
@@ -149,6 +149,7 @@ impl Study {
             Some(began.elapsed().as_secs_f64()),
             &self.inputs(),
         );
+        document.evaluation.limits = self.limits(&outcome.schedule);
         let certifier = Certifier::new(self.checked.platform());
         let certificate = CertificateRecord::new(
             &certifier,

@@ -1,0 +1,225 @@
+//! What limits a test: what the criterion of a schedule would be if one thing were better.
+//!
+//! The total time stays, and time that is saved goes to the dwells in proportion. At an optimum this is
+//! right to first order: how the schedule would change has no part in it. Wider ranges are what a
+//! schedule does change for; there, angles and dwells are refined, within the ranges as they are and
+//! within the wider ones.
+
+use super::Study;
+use crate::config::StudyConfig;
+use crate::covariance::TickRule;
+use crate::criterion::Smoothing;
+use crate::error::Result;
+use crate::evaluate::Evaluator;
+use crate::model::Role;
+use crate::motion::Timeline;
+use crate::platform::{GimbalsConfig, Repositioning};
+use crate::results::{Change, LimitRecord};
+use crate::schedule::{Schedule, ScheduledPosition};
+use crate::search::polished;
+
+/// What is tried: a key, the change, and the platform changed; none where there is nothing to change.
+type Trial = (String, Change, StudyConfig);
+
+/// Noise of the azimuth reference that is tried, arcsec in a period.
+const AZIMUTH_ARCSEC: f64 = 20.0;
+/// By how much a range is widened at each end, degrees.
+const WIDER_DEG: f64 = 15.0;
+
+fn trials(config: &StudyConfig) -> Vec<Trial> {
+    let mut all: Vec<Trial> = Vec::new();
+    let mut push = |what: &str, change: Change, edit: &dyn Fn(&mut StudyConfig)| {
+        let mut changed = config.clone();
+        edit(&mut changed);
+        all.push((what.to_owned(), change, changed));
+    };
+    let platform = &config.platform;
+    let noise = platform.accelerometer.noise_g;
+    push(
+        "accelerometer.noise_g",
+        Change::Halved(noise, 0.5 * noise),
+        &|c| {
+            c.platform.accelerometer.noise_g *= 0.5;
+        },
+    );
+    if let Some(walk) = platform.gyro.angle_random_walk_deg_per_sqrt_h {
+        let change = Change::Halved(walk, 0.5 * walk);
+        push("gyro.angle_random_walk_deg_per_sqrt_h", change, &|c| {
+            c.platform.gyro.angle_random_walk_deg_per_sqrt_h = Some(0.5 * walk);
+        });
+    } else if let Some(drift) = platform.gyro.random_drift_deg_per_h {
+        let change = Change::Halved(drift, 0.5 * drift);
+        push("gyro.random_drift_deg_per_h", change, &|c| {
+            c.platform.gyro.random_drift_deg_per_h = Some(0.5 * drift);
+        });
+    }
+    if platform.motion.repositioning == Repositioning::Slew
+        && let Some(rate) = platform.motion.slew_rate_deg_per_s
+    {
+        push(
+            "motion.slew_rate_deg_per_s",
+            Change::Doubled(rate, 2.0 * rate),
+            &|c| {
+                c.platform.motion.slew_rate_deg_per_s = Some(2.0 * rate);
+            },
+        );
+    }
+    let settle = platform.motion.settle_s;
+    if settle > 0.0 {
+        push(
+            "motion.settle_s",
+            Change::Halved(settle, 0.5 * settle),
+            &|c| {
+                c.platform.motion.settle_s *= 0.5;
+            },
+        );
+    }
+    if platform.azimuth.noise_arcsec.is_none() {
+        push(
+            "azimuth.noise_arcsec",
+            Change::Added(AZIMUTH_ARCSEC),
+            &|c| {
+                c.platform.azimuth.noise_arcsec = Some(AZIMUTH_ARCSEC);
+            },
+        );
+    }
+    all
+}
+
+/// Axes with a range that can be wider: key, and the gimbals changed.
+fn wider(gimbals: &GimbalsConfig) -> Vec<(&'static str, GimbalsConfig)> {
+    let widened = |range: Option<[f64; 2]>| {
+        let [low, high] = range?;
+        // A whole turn is all that there is.
+        (high - low < 360.0).then_some([low - WIDER_DEG, high + WIDER_DEG])
+    };
+    let mut all = Vec::new();
+    if let Some(range) = widened(gimbals.alpha_deg) {
+        let mut changed = gimbals.clone();
+        changed.alpha_deg = Some(range);
+        all.push(("gimbals.alpha_deg", changed));
+    }
+    if let Some(range) = widened(gimbals.beta_deg) {
+        let mut changed = gimbals.clone();
+        changed.beta_deg = Some(range);
+        all.push(("gimbals.beta_deg", changed));
+    }
+    if let Some(range) = widened(gimbals.gamma_deg) {
+        let mut changed = gimbals.clone();
+        changed.gamma_deg = Some(range);
+        all.push(("gimbals.gamma_deg", changed));
+    }
+    all
+}
+
+impl Study {
+    /// What would make the criterion of `schedule` better, the most helpful first; nothing in the middle
+    /// of a test, or where the criterion does not depend on it.
+    pub(crate) fn limits(&self, schedule: &Schedule) -> Vec<LimitRecord> {
+        let evaluator = &self.evaluator;
+        let platform = self.checked.platform();
+        let known = evaluator
+            .objective()
+            .criterion
+            .is_known(evaluator.model().prior_sigma_deg_per_h());
+        if platform.done().is_some() || known {
+            return Vec::new();
+        }
+        let Ok(timeline) = Timeline::new(platform, schedule) else {
+            return Vec::new();
+        };
+        let total_time_s = timeline.total_time_s();
+        let Ok(now) = criterion(evaluator, &timeline) else {
+            return Vec::new();
+        };
+        let mut all = Vec::new();
+        let mut push = |what: String, change: Change, ratio: f64| {
+            if ratio.is_finite() {
+                all.push(LimitRecord::new(what, change, ratio));
+            }
+        };
+        for (what, change, config) in trials(self.config()) {
+            if let Some(then) = criterion_of(&config, schedule, total_time_s) {
+                push(what, change, then / now);
+            }
+        }
+        for group in self.considered_groups() {
+            let platform = platform.estimating(group);
+            let evaluator = Evaluator::new(platform, evaluator.objective().clone());
+            if let Ok(then) = criterion(&evaluator, &timeline) {
+                let what = format!("errors.considered.{group}");
+                push(what, Change::Estimated, then / now);
+            }
+        }
+        let longer_s = 1.1 * total_time_s;
+        if let Some(then) = criterion_of(self.config(), schedule, longer_s) {
+            let change = Change::TenthMore(total_time_s, longer_s);
+            push("objective.total_time_s".to_owned(), change, then / now);
+        }
+        for (what, ratio) in self.wider_ranges(schedule, total_time_s) {
+            push(what.to_owned(), Change::Wider(WIDER_DEG), ratio);
+        }
+        all.sort_by(|a, b| a.criterion_ratio.total_cmp(&b.criterion_ratio));
+        all
+    }
+
+    /// Groups that the filter does not know of.
+    fn considered_groups(&self) -> Vec<&'static str> {
+        let parameters = self.checked.platform().errors().parameters();
+        let considered = parameters.iter().filter(|p| p.role == Role::Considered);
+        let mut groups: Vec<&str> = considered.map(|p| p.group).collect();
+        groups.dedup();
+        groups
+    }
+
+    /// Axes whose range can be wider, with the criterion's ratio.
+    fn wider_ranges(&self, schedule: &Schedule, total_time_s: f64) -> Vec<(&'static str, f64)> {
+        let wider = wider(&self.config().platform.gimbals);
+        let on_a_table = self.config().platform.gimbals.step_deg.is_some();
+        if wider.is_empty() || on_a_table {
+            return Vec::new();
+        }
+        let refined = |evaluator: &Evaluator| {
+            let plan = polished(evaluator, schedule, total_time_s)?;
+            criterion(evaluator, &plan.timeline(evaluator.platform())).ok()
+        };
+        let Some(now) = refined(&self.evaluator) else {
+            return Vec::new();
+        };
+        let with = |gimbals: GimbalsConfig| {
+            let mut config = self.config().clone();
+            config.platform.gimbals = gimbals;
+            Some(refined(&config.check_for_evaluation().ok()?.evaluator())? / now)
+        };
+        let all = wider.into_iter();
+        all.filter_map(|(what, gimbals)| Some((what, with(gimbals)?)))
+            .collect()
+    }
+}
+
+/// The criterion, continuous in the dwells.
+fn criterion(evaluator: &Evaluator, timeline: &Timeline) -> Result<f64> {
+    let criterion = &evaluator.objective().criterion;
+    let log = evaluator.model().value(timeline, TickRule::Relaxed, |p| {
+        criterion.log(p, Smoothing::Exact)
+    })?;
+    Ok(libm::exp(log))
+}
+
+/// The criterion of `schedule` on another platform in so much time; none where it cannot be run there.
+fn criterion_of(config: &StudyConfig, schedule: &Schedule, total_time_s: f64) -> Option<f64> {
+    let checked = config.check_for_evaluation().ok()?;
+    let evaluator = checked.evaluator();
+    let timeline = Timeline::new(checked.platform(), schedule).ok()?;
+    let held_s: f64 = schedule.positions().iter().map(|p| p.dwell_s).sum();
+    let factor = (held_s + total_time_s - timeline.total_time_s()) / held_s;
+    if !(factor > 0.0 && factor.is_finite()) {
+        return None;
+    }
+    let scaled = schedule.positions().iter().map(|p| ScheduledPosition {
+        dwell_s: p.dwell_s * factor,
+        ..*p
+    });
+    let timeline = Timeline::unchecked(checked.platform(), scaled);
+    criterion(&evaluator, &timeline).ok()
+}
