@@ -122,6 +122,10 @@ pub struct Parameter {
 pub(crate) struct Group {
     /// The key, in `[errors]` or, of the twelve coefficients, in `[prior]`.
     pub key: &'static str,
+    /// What it is, for people.
+    pub title: &'static str,
+    /// How its parameters are written, for people.
+    pub symbol: &'static str,
     pub unit: Unit,
     /// The parameters in order.
     pub names: &'static [&'static str],
@@ -200,6 +204,12 @@ pub(crate) fn optional_groups() -> impl Iterator<Item = &'static Group> {
     FAMILIES[OF_EVERY_PLATFORM..]
         .iter()
         .flat_map(|f| f.groups())
+}
+
+/// The group of a key; none where there is no such key.
+pub(crate) fn group(key: &str) -> Option<&'static Group> {
+    let mut all = FAMILIES.iter().flat_map(|f| f.groups());
+    all.find(|group| group.key == key)
 }
 
 /// The group that a name of `[errors.parameter]` belongs to, and its place in it.

@@ -49,6 +49,7 @@ pub(super) fn search(
     text.push_str(&table::coefficients(found));
     text.push('\n');
     text.push_str(&wrap(&words::observability(found)));
+    text.push_str(&limits(found));
     text.push_str("\nBeside the standard schemes in the same time\n\n");
     text.push_str(&table::baselines(found, &document.baselines));
     for skipped in &document.baselines_skipped {
@@ -57,6 +58,8 @@ pub(super) fn search(
             skipped.name, skipped.reason
         )));
     }
+    text.push('\n');
+    text.push_str(&wrap(&words::perfect(&document.inputs)));
     text.push('\n');
     text.push_str(&work(document));
     if !files.is_empty() {
@@ -114,7 +117,21 @@ pub(super) fn evaluation(
     text.push_str(&table::misalignment(document));
     text.push('\n');
     text.push_str(&wrap(&words::observability(document)));
+    text.push_str(&limits(document));
+    text.push('\n');
+    text.push_str(&wrap(&words::perfect(&document.inputs)));
     text
+}
+
+/// What would help most; empty where that is not known.
+fn limits(document: &EvaluationDocument) -> String {
+    match document.limits.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\nWhat limits this test: the criterion with one thing better\n\n{}",
+            table::limits(document)
+        ),
+    }
 }
 
 /// In what a given schedule goes beyond what limits a search; empty where in nothing.

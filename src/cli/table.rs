@@ -193,6 +193,19 @@ pub(super) fn budget(document: &EvaluationDocument) -> String {
     render(columns, rows.collect())
 }
 
+/// What would make the criterion better.
+pub(super) fn limits(document: &EvaluationDocument) -> String {
+    let rows = document.limits.iter().map(|l| {
+        [
+            l.what.clone(),
+            l.change.clone(),
+            format!("{:.4}", l.criterion_ratio),
+        ]
+    });
+    let columns = [("what", Left), ("change", Left), ("ratio", Right)];
+    render(columns, rows.collect())
+}
+
 fn coefficients_alone(document: &EvaluationDocument) -> String {
     let rows = document.coefficients.iter().map(|c| {
         [

@@ -9,12 +9,16 @@ pub(super) struct Accelerometer;
 static GROUPS: [Group; 6] = [
     Group {
         key: "accelerometer_bias_ug",
+        title: "accelerometer bias",
+        symbol: "K_0",
         unit: Unit::MicroG,
         names: &["K_0X", "K_0Y", "K_0Z"],
         per_instrument: 1,
     },
     Group {
         key: "accelerometer_scale_factor_ppm",
+        title: "accelerometer scale factor",
+        symbol: "K_1",
         unit: Unit::Ppm,
         names: &["K_1X", "K_1Y", "K_1Z"],
         per_instrument: 1,
@@ -22,24 +26,32 @@ static GROUPS: [Group; 6] = [
     // X of the frame is the X accelerometer's axis, Y in the plane of X and Y.
     Group {
         key: "accelerometer_misalignment_arcsec",
+        title: "accelerometer misalignment",
+        symbol: "M",
         unit: Unit::Arcsec,
         names: &["M_YX", "M_ZX", "M_ZY"],
         per_instrument: 1,
     },
     Group {
         key: "accelerometer_second_order_ug_per_g2",
+        title: "accelerometer second order",
+        symbol: "K_2",
         unit: Unit::MicroGPerG2,
         names: &["K_2X", "K_2Y", "K_2Z"],
         per_instrument: 1,
     },
     Group {
         key: "accelerometer_third_order_ug_per_g3",
+        title: "accelerometer third order",
+        symbol: "K_3",
         unit: Unit::MicroGPerG3,
         names: &["K_3X", "K_3Y", "K_3Z"],
         per_instrument: 1,
     },
     Group {
         key: "accelerometer_cross_coupling_ug_per_g2",
+        title: "accelerometer cross coupling",
+        symbol: "K_IP, K_IO",
         unit: Unit::MicroGPerG2,
         names: &["K_IPX", "K_IPY", "K_IPZ", "K_IOX", "K_IOY", "K_IOZ"],
         per_instrument: 1,

@@ -7,6 +7,8 @@ pub(super) struct Constant;
 
 static GROUPS: [Group; 1] = [Group {
     key: "constant_drift_deg_per_h",
+    title: "constant drift",
+    symbol: "D_F",
     unit: Unit::DegPerH,
     names: &["D_FX", "D_FY", "D_FZ"],
     per_instrument: 1,

@@ -7,6 +7,8 @@ pub(super) struct GSensitive;
 
 static GROUPS: [Group; 1] = [Group {
     key: "g_sensitive_drift_deg_per_h_per_g",
+    title: "g-sensitive drift",
+    symbol: "D_I, D_O, D_S",
     unit: Unit::DegPerHPerG,
     names: &[
         "D_IX", "D_IY", "D_IZ", "D_OX", "D_OY", "D_OZ", "D_SX", "D_SY", "D_SZ",

@@ -9,6 +9,8 @@ pub(super) struct Gravity;
 
 static GROUPS: [Group; 1] = [Group {
     key: "local_gravity_ug",
+    title: "local gravity",
+    symbol: "G",
     unit: Unit::MicroG,
     names: &["G"],
     per_instrument: 1,

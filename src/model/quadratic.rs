@@ -10,6 +10,8 @@ pub(super) struct Quadratic;
 static GROUPS: [Group; 2] = [
     Group {
         key: "quadratic_drift_deg_per_h_per_g2",
+        title: "quadratic drift",
+        symbol: "D_II … D_OS",
         unit: Unit::DegPerHPerG2,
         names: &[
             "D_IIX", "D_IIY", "D_IIZ", "D_SSX", "D_SSY", "D_SSZ", "D_IOX", "D_IOY", "D_IOZ",
@@ -19,6 +21,8 @@ static GROUPS: [Group; 2] = [
     },
     Group {
         key: "quadratic_output_drift_deg_per_h_per_g2",
+        title: "quadratic drift along the output axes",
+        symbol: "D_OO",
         unit: Unit::DegPerHPerG2,
         names: &["D_OOX", "D_OOY", "D_OOZ"],
         per_instrument: 1,

@@ -10,12 +10,16 @@ pub(super) struct Torquer;
 static GROUPS: [Group; 2] = [
     Group {
         key: "torquer_scale_factor_ppm",
+        title: "torquer scale factor",
+        symbol: "T_kk",
         unit: Unit::Ppm,
         names: &["T_XX", "T_YY", "T_ZZ"],
         per_instrument: 1,
     },
     Group {
         key: "torquer_misalignment_arcsec",
+        title: "torquer misalignment",
+        symbol: "T_kj",
         unit: Unit::Arcsec,
         names: &["T_XY", "T_XZ", "T_YX", "T_YZ", "T_ZX", "T_ZY"],
         per_instrument: 2,

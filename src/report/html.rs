@@ -27,6 +27,7 @@
 //! ```
 
 mod blocks;
+mod errors;
 mod maps;
 mod pictures;
 mod subject;
@@ -69,6 +70,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     }
     verdict.extend(weakness(&subject));
     verdict.push(search_words(document));
+    verdict.push(words::perfect(&document.inputs));
     let mut standing = vec![Block::Table(tables::baselines(
         &subject,
         &document.baselines,
@@ -82,6 +84,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
         vec![verdict_block(verdict)],
     )];
     sections.extend(body(&subject));
+    sections.extend(errors::sections(&subject, &document.evaluation.limits));
     if !document.pareto.is_empty() {
         let score = &document.evaluation.score;
         let blocks = vec![
@@ -121,6 +124,7 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
         vec![verdict_block(verdict)],
     )];
     sections.extend(body(&subject));
+    sections.extend(errors::sections(&subject, &document.limits));
     sections.push(Section::new(
         "standard",
         "Beside the standard schemes",
@@ -362,6 +366,7 @@ fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String
         }
     }
     verdict.extend(weakness(subject));
+    verdict.push(words::perfect(&subject.document.inputs));
     let mut blocks = vec![Block::Table(tables::baselines(subject, &compared))];
     let skipped = crate::results::skipped(&all);
     let skipped = skipped

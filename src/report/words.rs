@@ -1,11 +1,12 @@
 //! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
 
+use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument, SimulationDocument};
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
-use crate::wording::{number, seconds, separability};
+use crate::wording::{listed, number, seconds, separability};
 
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
@@ -283,5 +284,41 @@ pub fn specification(document: &EvaluationDocument) -> Option<String> {
                 crate::wording::listed(&missed)
             ))
         }
+    }
+}
+
+/// What is changed for [`EvaluationDocument::limits`], and how that is counted.
+pub const LIMITS: &str = "The criterion with one thing better, as a ratio to that of the plan. The total \
+    time stays; time that is saved goes to the dwells in proportion, and the schedule is not searched \
+    anew, which is right to first order where it is the best for the platform as it is.";
+
+/// What a ratio of the criterion means.
+pub fn gained(criterion_ratio: f64) -> String {
+    let percent = 100.0 * (1.0 - criterion_ratio);
+    match percent {
+        p if p >= 0.05 => format!("{p:.1} % better"),
+        p if p <= -0.05 => format!("{:.1} % worse", -p),
+        _ => "no difference".to_owned(),
+    }
+}
+
+/// What the plan takes to be perfect: groups of `[errors]` that the platform file does not have.
+pub fn perfect(inputs: &StudyConfig) -> String {
+    // Inputs of a document were checked when it was made.
+    let checked = inputs.platform.check();
+    let has = |group: &str| {
+        let parameters = checked.as_ref().map(|p| p.errors().parameters());
+        parameters.is_ok_and(|all| all.iter().any(|p| p.group == group && p.prior_sigma > 0.0))
+    };
+    // What cannot be told at 1 g is no fault of a plan.
+    let counts = |key: &str| key != "quadratic_output_drift_deg_per_h_per_g2";
+    let absent: Vec<&str> = crate::model::optional_groups()
+        .filter(|group| counts(group.key) && !has(group.key))
+        .map(|group| group.title)
+        .collect();
+    let noise = "random drift and noise are white";
+    match absent.is_empty() {
+        true => format!("Modelled: the full error model; {noise}."),
+        false => format!("Perfect in this plan: {}; {noise}.", listed(&absent)),
     }
 }
