@@ -247,9 +247,15 @@ pub(crate) trait Collected<A: Arithmetic, S: Shape>: Debug {
     fn of_vertical(&mut self, at: &Place<A, S>, weight: A::Number);
 }
 
+/// A shape with the form in which the chain collects the information on its columns.
+pub(crate) trait Collecting: Shape {
+    /// That information.
+    type Information<A: Arithmetic>: Collected<A, Self>;
+}
+
 /// What the chain carries of one schedule, or of one per lane.
 #[derive(Debug)]
-pub(crate) struct Carried<A: Arithmetic, S: Shape = Drift> {
+pub(crate) struct Carried<A: Arithmetic, S: Collecting = Drift> {
     /// V, arcsec per °/h.
     pub v: Wide<A::Quad, S>,
     /// E, (°/h)⁻².
@@ -322,7 +328,7 @@ impl<A: Arithmetic> Carried<A> {
     }
 }
 
-impl<A: Arithmetic, S: Shape> Carried<A, S> {
+impl<A: Arithmetic, S: Collecting> Carried<A, S> {
     /// Before the first position: V = 0, E = 0.
     #[inline(always)]
     pub fn new(ar: A) -> Self {

@@ -16,7 +16,7 @@ use super::gains::{DwellKernel, Gains, Seen};
 use super::moves::{Interval, Turn, drift_integral};
 use super::shape::{Drift, Shape};
 use super::square::{Entries, entries, product, rows, transpose};
-use super::{AzimuthStep, Carried, Collected, DwellStep, MeasureStep, Place, Wide};
+use super::{AzimuthStep, Carried, Collected, Collecting, DwellStep, MeasureStep, Place, Wide};
 
 /// An interval of a move without a measurement in it.
 #[derive(Debug, Clone, Copy)]
@@ -134,7 +134,7 @@ impl<A: Arithmetic, S: Shape> Tape<A, S> {
 }
 
 /// The chain on its way through the legs.
-struct Forward<'a, A: Arithmetic, S: Shape, L, G> {
+struct Forward<'a, A: Arithmetic, S: Collecting, L, G> {
     ar: A,
     legs: &'a L,
     earth: &'a Earth<A::Number>,
@@ -150,7 +150,7 @@ const DWELL: u8 = 2;
 const REMAINDER: u8 = 3;
 
 /// One part of a leg, compiled apart in lanes.
-struct Part<'b, 'a, A: Arithmetic, S: Shape, L, G, const PART: u8> {
+struct Part<'b, 'a, A: Arithmetic, S: Collecting, L, G, const PART: u8> {
     forward: &'b mut Forward<'a, A, S, L, G>,
     from: Option<&'b Place<A, S>>,
     at: &'b Place<A, S>,
@@ -158,7 +158,7 @@ struct Part<'b, 'a, A: Arithmetic, S: Shape, L, G, const PART: u8> {
     index: usize,
 }
 
-impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>, const PART: u8> Work
+impl<A: Arithmetic, S: Collecting, L: Legs<A>, G: Gains<A>, const PART: u8> Work
     for Part<'_, '_, A, S, L, G, PART>
 {
     type Output = ();
@@ -202,7 +202,7 @@ pub(crate) fn on_the_way<A: Arithmetic, S: Shape>(
     }
 }
 
-impl<A: Arithmetic, S: Shape, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
+impl<A: Arithmetic, S: Collecting, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L, G> {
     #[inline(always)]
     fn part<const PART: u8>(
         &mut self,
@@ -332,7 +332,7 @@ fn vertical<A: Arithmetic, S: Shape>(ar: A, legs: &impl Legs<A>, leg: usize) -> 
 
 /// Runs the chain over the legs from its start on.
 #[inline(always)]
-pub(crate) fn forward<A: Arithmetic, S: Shape>(
+pub(crate) fn forward<A: Arithmetic, S: Collecting>(
     ar: A,
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,
@@ -344,7 +344,7 @@ pub(crate) fn forward<A: Arithmetic, S: Shape>(
 
 /// Runs the chain on over the legs, `from` where it is and the place it is at.
 #[inline(always)]
-pub(crate) fn forward_from<A: Arithmetic, S: Shape>(
+pub(crate) fn forward_from<A: Arithmetic, S: Collecting>(
     ar: A,
     legs: &impl Legs<A>,
     earth: &Earth<A::Number>,

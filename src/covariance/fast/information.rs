@@ -6,7 +6,7 @@
 use super::arithmetic::{Arithmetic, Number, Row, four, three};
 use super::shape::Drift;
 use super::square::{Entries, Square, entries, transposed_product};
-use super::{Collected, Place, Wide};
+use super::{Collected, Collecting, Place, Wide};
 use crate::covariance::CovarianceRoot;
 use crate::drift::{
     COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftMatrix,
@@ -160,6 +160,10 @@ impl<A: Arithmetic> Information<A> {
             cancelled,
         }
     }
+}
+
+impl Collecting for Drift {
+    type Information<A: Arithmetic> = Information<A>;
 }
 
 impl<A: Arithmetic> Collected<A, Drift> for Information<A> {

@@ -20,11 +20,8 @@
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
 
-use super::Collected;
 use super::arithmetic::{Arithmetic, Number, three};
-use super::information::Information;
 use super::square::Entries;
-use super::tiles::Tiles;
 use crate::attitude::UP;
 
 /// A product of components of g^c, or a component of the body rate: what columns are made of. Those of
@@ -140,8 +137,6 @@ pub(crate) trait Shape: Copy + Debug + Send + Sync + 'static {
     type Blocks<T: Copy + Debug>: Array<T>;
     /// Per kind of instrument.
     type Groups<T: Copy + Debug>: Array<T>;
-    /// The information on the columns.
-    type Information<A: Arithmetic>: Collected<A, Self>;
 
     /// How many quads.
     const QUADS: usize = Self::LAYOUT.len();
@@ -169,7 +164,6 @@ impl Shape for Drift {
     type Quads<T: Copy + Debug> = [T; 3];
     type Blocks<T: Copy + Debug> = [T; 1];
     type Groups<T: Copy + Debug> = [T; 1];
-    type Information<A: Arithmetic> = Information<A>;
     const GYRO_QUADS: usize = 3;
     const GROUPS: usize = 1;
     const LAYOUT: &'static [QuadOf] = &[gyro(0, 0), gyro(1, 0), gyro(2, 0)];
@@ -186,7 +180,6 @@ impl Shape for Instruments {
     type Quads<T: Copy + Debug> = [T; 10];
     type Blocks<T: Copy + Debug> = [T; 5];
     type Groups<T: Copy + Debug> = [T; 2];
-    type Information<A: Arithmetic> = Tiles<A, Self>;
     const GYRO_QUADS: usize = 6;
     const GROUPS: usize = 2;
     const LAYOUT: &'static [QuadOf] = &[
@@ -222,7 +215,6 @@ impl Shape for Catalogue {
     type Quads<T: Copy + Debug> = [T; 15];
     type Blocks<T: Copy + Debug> = [T; 9];
     type Groups<T: Copy + Debug> = [T; 2];
-    type Information<A: Arithmetic> = Tiles<A, Self>;
     const GYRO_QUADS: usize = 9;
     const GROUPS: usize = 2;
     const LAYOUT: &'static [QuadOf] = &[

@@ -5,9 +5,9 @@
 
 use super::adjoint::{InformationAdjoint, PlaceAdjoint, Sweep, along};
 use super::arithmetic::{Arithmetic, Number, Row, four, three};
-use super::shape::{Array, Shape, every};
+use super::shape::{Array, Catalogue, Instruments, Shape, every};
 use super::square::{Entries, Square, dot, entries, transposed_product};
-use super::{Collected, DwellStep, Place, Wide, entries_of};
+use super::{Collected, Collecting, DwellStep, Place, Wide, entries_of};
 use crate::attitude::UP;
 
 /// The triangle of tiles on and above the diagonal, row by row. A tile is four rows; those on the
@@ -65,6 +65,14 @@ impl<A: Arithmetic, S: Shape> Tiles<A, S> {
         }
         all
     }
+}
+
+impl Collecting for Instruments {
+    type Information<A: Arithmetic> = Tiles<A, Self>;
+}
+
+impl Collecting for Catalogue {
+    type Information<A: Arithmetic> = Tiles<A, Self>;
 }
 
 impl<A: Arithmetic, S: Shape> Collected<A, S> for Tiles<A, S> {

@@ -6,13 +6,14 @@ mod seen;
 mod tests;
 mod told;
 
+use super::Collecting;
 use super::arithmetic::{Arithmetic, Single};
 use super::course;
 use super::dispatch::{self, Task};
 use super::gains::Own;
 use super::mixing::{Kind, Mixing};
 use super::posterior::Posterior;
-use super::shape::{Catalogue, Facts, Instruments, Shape};
+use super::shape::{Catalogue, Facts, Instruments};
 use super::single::{OneTimeline, keep_tape, take_tape};
 use super::tiles::{Tiles, WideAdjoint};
 use crate::covariance::gradient::LegGradient;
@@ -120,7 +121,7 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
 }
 
 /// A shape whose information is in tiles.
-pub(crate) trait WideShape: Shape {
+pub(crate) trait WideShape: Collecting {
     /// The entries of all tiles.
     fn numbers<A: Arithmetic>(e: &Self::Information<A>) -> Vec<A::Number>;
 }
