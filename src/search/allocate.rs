@@ -11,12 +11,15 @@
 //! ```
 //!
 //! is convex and may send a dwell to exactly zero: that position does not pay and is dropped. A
-//! step is accepted by the true merit, the trust region follows the agreement.
+//! step is accepted by the true merit, the trust region follows the agreement. With more than the twelve
+//! coefficients H is taken from differences of the exact gradient.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
+
+use nalgebra::DMatrix;
 
 use super::context::{Context, WorkDone};
 use super::plan::Plan;
@@ -26,6 +29,7 @@ use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
 use crate::drift::{CoefficientMatrix, DriftMatrix};
 use crate::evaluate::Evaluator;
+use crate::motion::Timeline;
 
 /// Steps of the sequence.
 const STEPS: usize = 8;
@@ -117,9 +121,7 @@ impl LocalModel {
         let model = evaluator.model();
         let platform = evaluator.platform();
         if !model.is_of_the_paper() {
-            // What one more period tells is worked out of the twelve coefficients alone; with other
-            // parameters beside them L-BFGS has the dwells to itself.
-            return None;
+            return Self::by_gradients(evaluator, plan, smoothing, work);
         }
         let count = plan.angles.len();
         work.count_evaluations(count as u64 + 1);
@@ -161,6 +163,55 @@ impl LocalModel {
         Some(Self {
             gradient,
             curvature,
+        })
+    }
+
+    /// With other parameters beside the twelve coefficients: the curvature by differences of the exact
+    /// gradient, without directions in which the merit is not convex.
+    fn by_gradients(
+        evaluator: &Evaluator,
+        plan: &Plan,
+        smoothing: Smoothing,
+        work: &WorkDone,
+    ) -> Option<Self> {
+        let platform = evaluator.platform();
+        let count = plan.angles.len();
+        // One period ahead: long against rounding, short against the dwell.
+        let ahead = platform.period_s();
+        work.count_evaluations(count as u64 + 1);
+        let longer = (0..count).map(|k| {
+            let mut longer = plan.clone();
+            longer.dwell_s[k] += ahead;
+            longer
+        });
+        let plans = std::iter::once(plan.clone()).chain(longer);
+        let timelines: Vec<Timeline> = plans.map(|p| p.timeline(platform)).collect();
+        let held = timelines[0].positions();
+        let slopes = evaluator.merit_gradients(&timelines, smoothing);
+        let slopes: Option<Vec<Vec<f64>>> = slopes
+            .into_iter()
+            .map(|found| {
+                Some(
+                    found.ok()?.1[held.clone()]
+                        .iter()
+                        .map(|leg| leg.dwell_s)
+                        .collect(),
+                )
+            })
+            .collect();
+        let slopes = slopes?;
+        let (gradient, ahead_of) = slopes.split_first()?;
+        let second = DMatrix::from_fn(count, count, |j, k| (ahead_of[k][j] - gradient[j]) / ahead);
+        if !second.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        let mut eigen = ((&second + second.transpose()) * 0.5).symmetric_eigen();
+        eigen.eigenvalues.apply(|v| *v = v.max(0.0));
+        let convex = eigen.recompose();
+        Some(Self {
+            gradient: gradient.clone(),
+            // Symmetric, so that columns are rows.
+            curvature: convex.iter().copied().collect(),
         })
     }
 

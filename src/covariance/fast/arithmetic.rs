@@ -146,6 +146,12 @@ fn call_apart<S: Simd, W: Work>(simd: S, work: W) -> W::Output {
     simd.vectorize(Apart(work))
 }
 
+/// The same without registers of a kind.
+#[inline(never)]
+fn call_plainly<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
 /// A choice of numbers and rows.
 pub(crate) trait Arithmetic: Copy + Debug {
     /// Real numbers.
@@ -169,6 +175,8 @@ pub(crate) trait Arithmetic: Copy + Debug {
     fn apart<W: Work>(self, work: W) -> W::Output {
         work.run()
     }
+    /// Does `work` as a function of its own, in lanes or not: what is bulky for one schedule too.
+    fn always_apart<W: Work>(self, work: W) -> W::Output;
     /// A row of three.
     fn triple(self, entries: [Self::Number; 3]) -> Self::Triple;
     /// A row of three constants; the fourth is padding, zero.
@@ -286,6 +294,11 @@ impl Arithmetic for Plain {
     type Node = Four;
     type Panels = Panels;
     const PASSES: usize = 1;
+
+    #[inline(always)]
+    fn always_apart<W: Work>(self, work: W) -> W::Output {
+        call_plainly(work)
+    }
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {
@@ -550,6 +563,11 @@ impl<S: Simd> Arithmetic for Packed<S> {
     type Node = Register<S, Align32>;
     type Panels = Panels;
     const PASSES: usize = 1;
+
+    #[inline(always)]
+    fn always_apart<W: Work>(self, work: W) -> W::Output {
+        call_apart(self.0, work)
+    }
 
     #[inline(always)]
     fn number(self, value: f64) -> f64 {

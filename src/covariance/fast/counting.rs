@@ -10,7 +10,7 @@
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::arithmetic::{Arithmetic, InArray, Number, Plain, Row, three};
+use super::arithmetic::{Arithmetic, InArray, Number, Plain, Row, Work, three};
 use super::attitude_entries;
 use super::course::{self, Legs, Stretch, Tape};
 use super::earth::Earth;
@@ -119,6 +119,9 @@ impl Arithmetic for Counting {
     type Panels = Panels;
     const PASSES: usize = 4;
 
+    fn always_apart<W: Work>(self, work: W) -> W::Output {
+        work.run()
+    }
     fn number(self, value: f64) -> Counted {
         Counted(value)
     }

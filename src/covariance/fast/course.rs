@@ -210,13 +210,19 @@ impl<A: Arithmetic, S: Collecting, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L,
         from: Option<&Place<A, S>>,
         at: &Place<A, S>,
     ) {
-        self.ar.apart(Part::<A, S, L, G, PART> {
+        let ar = self.ar;
+        let part = Part::<A, S, L, G, PART> {
             from,
             at,
             leg,
             index,
             forward: self,
-        });
+        };
+        // Of a wide shape each part is as long as the whole chain of twelve coefficients.
+        match S::DRIFT_ONLY {
+            true => ar.apart(part),
+            false => ar.always_apart(part),
+        }
     }
 
     #[inline(always)]

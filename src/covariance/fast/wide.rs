@@ -6,13 +6,15 @@ mod seen;
 mod tests;
 mod told;
 
+use std::marker::PhantomData;
+
 use super::Collecting;
-use super::arithmetic::{Arithmetic, Single};
+use super::arithmetic::{Arithmetic, Number, Single, Work};
 use super::course;
 use super::dispatch::{self, Task};
 use super::gains::Own;
 use super::mixing::{Kind, Mixing};
-use super::posterior::Posterior;
+use super::posterior::{Posterior, Pulled};
 use super::shape::{Catalogue, Facts, Instruments};
 use super::single::{OneTimeline, keep_tape, take_tape};
 use super::tiles::{Tiles, WideAdjoint};
@@ -72,7 +74,7 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
             let mut gains = Own::new(ar, &legs, &earth, &model.prior_psi);
             let chain = course::forward::<A, S>(ar, &legs, &earth, &mut gains, &mut tape);
             let tiles = S::numbers(&chain.e);
-            let posterior = Posterior::new(0.0, mixing, &tiles);
+            let posterior = ar.always_apart(Finish(0.0, mixing, &tiles));
             let kept = !self.how.by_rows && posterior.keeps_digits(|v| v);
             if kept || tape.on {
                 break (posterior, kept);
@@ -93,9 +95,9 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
                 let found = if kept {
                     match merit(&of) {
                         Ok((value, slope)) => {
-                            let of_parameters = posterior.adjoint(&of.pulled(&slope));
-                            let of_columns = mixing.pulled(0.0, &of_parameters);
-                            Ok((value, WideAdjoint::<A, S>::new(ar, &of_columns)))
+                            let slope = of.pulled(&slope);
+                            let pull = Pull::<A, S>::new(ar, mixing, &posterior, &slope);
+                            Ok((value, ar.always_apart(pull)))
                         }
                         Err(error) => Err(error),
                     }
@@ -117,6 +119,53 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
         };
         keep_tape(tape);
         value
+    }
+}
+
+/// What the collected information leaves of what is seen.
+pub(crate) struct Finish<'a, N>(pub N, pub &'a Mixing, pub &'a [N]);
+
+impl<N: Number> Work for Finish<'_, N> {
+    type Output = Posterior<N>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        Posterior::new(self.0, self.1, self.2)
+    }
+}
+
+/// Ē over the columns of the shape.
+pub(crate) struct Pull<'a, A: Arithmetic, S> {
+    ar: A,
+    mixing: &'a Mixing,
+    posterior: &'a Posterior<A::Number>,
+    slope: &'a Pulled<A::Number>,
+    shape: PhantomData<S>,
+}
+
+impl<'a, A: Arithmetic, S> Pull<'a, A, S> {
+    pub fn new(
+        ar: A,
+        mixing: &'a Mixing,
+        posterior: &'a Posterior<A::Number>,
+        slope: &'a Pulled<A::Number>,
+    ) -> Self {
+        Self {
+            ar,
+            mixing,
+            posterior,
+            slope,
+            shape: PhantomData,
+        }
+    }
+}
+
+impl<A: Arithmetic, S: WideShape> Work for Pull<'_, A, S> {
+    type Output = WideAdjoint<A, S>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let of_parameters = self.posterior.adjoint(self.slope);
+        let of_columns = self.mixing.pulled(self.ar.number(0.0), &of_parameters);
+        WideAdjoint::new(self.ar, &of_columns)
     }
 }
 

@@ -23,6 +23,10 @@ impl<S: Simd, L: Alignment> Arithmetic for Lanes<S, L> {
         call_apart(self.0, work)
     }
     #[inline(always)]
+    fn always_apart<W: Work>(self, work: W) -> W::Output {
+        call_apart(self.0, work)
+    }
+    #[inline(always)]
     fn number(self, value: f64) -> Self::Number {
         Register::new(self.0, self.0.splat_f64s(value))
     }

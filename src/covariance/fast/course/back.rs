@@ -129,12 +129,17 @@ where
 {
     #[inline(always)]
     fn part<const PART: u8>(&mut self, leg: usize, step: &Step<A, S>, at: &Place<A, S>) {
-        self.ar.apart(Back::<A, S, L, I, O, PART> {
+        let ar = self.ar;
+        let back = Back::<A, S, L, I, O, PART> {
             at,
             leg,
             step,
             backward: self,
-        });
+        };
+        match S::DRIFT_ONLY {
+            true => ar.apart(back),
+            false => ar.always_apart(back),
+        }
     }
 
     /// Adds the derivative with respect to a measurement's weight.

@@ -7,9 +7,7 @@ use pulp::Simd;
 
 use super::gradients::{LaneGradient, backward, is_worth_while};
 use super::{Batch, Group};
-use crate::covariance::fast::arithmetic::{
-    Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Work,
-};
+use crate::covariance::fast::arithmetic::{Alignment, Arithmetic, Lanes, MOST_LANES, Register};
 use crate::covariance::fast::course::{self, Legs, Tape};
 use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_registers};
 use crate::covariance::fast::earth::Earth;
@@ -18,44 +16,13 @@ use crate::covariance::fast::mixing::{Kind, Mixing};
 use crate::covariance::fast::posterior::{Posterior, Pulled};
 use crate::covariance::fast::shape::{Catalogue, Facts, Instruments};
 use crate::covariance::fast::single::{keep_tape, take_tape};
-use crate::covariance::fast::tiles::WideAdjoint;
-use crate::covariance::fast::wide::{OfPosterior, WideShape};
+use crate::covariance::fast::wide::{Finish, OfPosterior, Pull, WideShape};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule, not_finite};
 use crate::error::Result;
 use crate::motion::Timeline;
 
 type Lane<S, L> = Register<S, L>;
-
-/// What the collected information leaves of the coefficients.
-struct Finish<'a, N>(N, &'a Mixing, &'a [N]);
-
-impl<N: Number> Work for Finish<'_, N> {
-    type Output = Posterior<N>;
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        Posterior::new(self.0, self.1, self.2)
-    }
-}
-
-/// Ē over the columns of the shape.
-struct Pull<'a, A: Arithmetic, C> {
-    ar: A,
-    mixing: &'a Mixing,
-    posterior: &'a Posterior<A::Number>,
-    slope: &'a Pulled<A::Number>,
-    shape: PhantomData<C>,
-}
-
-impl<A: Arithmetic, C: WideShape> Work for Pull<'_, A, C> {
-    type Output = WideAdjoint<A, C>;
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let of_parameters = self.posterior.adjoint(self.slope);
-        let of_columns = self.mixing.pulled(self.ar.number(0.0), &of_parameters);
-        WideAdjoint::new(self.ar, &of_columns)
-    }
-}
 
 /// The chain of every lane, and what it leaves of the coefficients.
 #[inline(always)]
@@ -196,13 +163,7 @@ impl<C: WideShape> LaneTask for Gradients<'_, C> {
         let Some(slope) = slopes.gathered(ar) else {
             return keep_tape(tape);
         };
-        let information = ar.apart(Pull::<_, C> {
-            ar,
-            mixing: self.mixing,
-            posterior: &posterior,
-            slope: &slope,
-            shape: PhantomData,
-        });
+        let information = ar.apart(Pull::<_, C>::new(ar, self.mixing, &posterior, &slope));
         let gradient = backward(&group, &earth, &tape, &information);
         keep_tape(tape);
         for (lane, &i) in self.of.iter().enumerate() {
