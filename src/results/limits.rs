@@ -46,13 +46,46 @@ pub(crate) enum Change {
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Halved(from, to) => write!(f, "halved, {from} to {to}"),
-            Self::Doubled(from, to) => write!(f, "doubled, {from} to {to}"),
-            Self::TenthMore(from, to) => write!(f, "a tenth more, {from} to {to}"),
+        let change = |f: &mut fmt::Formatter<'_>, how: &str, from: f64, to: f64| {
+            write!(f, "{how}, {} to {}", plain(from), plain(to))
+        };
+        match *self {
+            Self::Halved(from, to) => change(f, "halved", from, to),
+            Self::Doubled(from, to) => change(f, "doubled", from, to),
+            Self::TenthMore(from, to) => change(f, "a tenth more", from, to),
             Self::Added(noise) => write!(f, "a reference of {noise} arcsec"),
             Self::Wider(deg) => write!(f, "{deg} deg wider at each end"),
             Self::Estimated => write!(f, "estimated by the filter"),
+        }
+    }
+}
+
+/// A number of a platform file as a person would write it, without the roundings of a product.
+fn plain(value: f64) -> String {
+    let digits = format!("{value:.9e}");
+    let value: f64 = digits.parse().unwrap_or(value);
+    match value != 0.0 && value.abs() < 1e-3 {
+        true => format!("{value:e}"),
+        false => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_said_as_a_person_would() {
+        for (change, said) in [
+            (Change::Halved(1e-5, 5e-6), "halved, 1e-5 to 5e-6"),
+            (
+                Change::TenthMore(12_000.0, 1.1 * 12_000.0),
+                "a tenth more, 12000 to 13200",
+            ),
+            (Change::Doubled(0.5, 1.0), "doubled, 0.5 to 1"),
+            (Change::Added(20.0), "a reference of 20 arcsec"),
+        ] {
+            assert_eq!(change.to_string(), said);
         }
     }
 }

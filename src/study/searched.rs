@@ -86,7 +86,6 @@ impl Study {
     /// # Ok::<(), scheme_opt::Error>(())
     /// ```
     pub fn search(&self, control: &Control) -> Result<SearchResult> {
-        self.only_in_the_papers_mounting("search")?;
         let began = Instant::now();
         self.check_limits()?;
         let control = self.limited(control);

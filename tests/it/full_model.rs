@@ -1,8 +1,10 @@
 //! The full error model against an independent dense filter in 400 bits.
 
-use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::covariance::filter::full_step_by_step;
 use scheme_opt::internals::covariance::full::FullCovariance;
+use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
+use scheme_opt::internals::criterion::Criterion;
+use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::model::{Parameter, Role};
 use scheme_opt::internals::motion::Timeline;
@@ -105,6 +107,34 @@ fn the_chain_agrees_to_1e_6() {
         let model = CovarianceModel::new(&platform);
         let found = model.full_covariance(&timeline).unwrap();
         check(&case, "the chain", &platform, &found);
+    }
+}
+
+/// Every number that the route of searches gives of them: P_D, alone and in lanes.
+#[test]
+fn the_fast_route_agrees_to_1e_6() {
+    for case in full_cases() {
+        let platform = case.config.check().unwrap();
+        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let model = CovarianceModel::new(&platform);
+        let names = DriftCoefficient::ALL.map(DriftCoefficient::name);
+        let merit = |p: &dyn CoefficientCovariance| {
+            for (k, name) in names.iter().enumerate() {
+                let ratio = p.matrix()[(k, k)].sqrt() / case.sigma[*name];
+                assert!((ratio - 1.0).abs() < 1e-6, "{}: {name} {ratio}", case.name);
+            }
+            Criterion::rms().value(p)
+        };
+        let alone = model.value(&timeline, TickRule::Filter, merit).unwrap();
+        assert!(
+            (alone / case.rms_sigma_deg_per_h - 1.0).abs() < 1e-6,
+            "{}",
+            case.name
+        );
+        let many = vec![timeline; 5];
+        for value in model.values(&many, TickRule::Filter, merit) {
+            assert!((value.unwrap() / alone - 1.0).abs() < 1e-9, "{}", case.name);
+        }
     }
 }
 

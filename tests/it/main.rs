@@ -17,6 +17,7 @@ mod commands;
 mod dense_filter;
 mod extremes;
 mod full_model;
+mod full_search;
 mod fuzz;
 mod gradient;
 mod lanes;

@@ -62,7 +62,7 @@ fn as_run(line: &str) -> String {
 }
 
 /// Runs a guide from its beginning to its end in one directory, as a reader would. Blocks of TOML
-/// that begin with the name of a file are that file. Gives how many commands were run.
+/// and CSV that begin with the name of a file are that file. Gives how many commands were run.
 fn follow(guide: &Path) -> usize {
     let text = std::fs::read_to_string(guide).unwrap();
     let desk = Desk::new();
@@ -72,6 +72,10 @@ fn follow(guide: &Path) -> usize {
     let path = format!("{}:{path}", program.parent().unwrap().display());
     let mut count = 0;
     for (language, content) in blocks(&text) {
+        if language == "csv" {
+            let first = content.lines().next().unwrap_or_default();
+            desk.write(first.trim_start_matches("# "), &content);
+        }
         if language == "toml" {
             let first = content.lines().next().unwrap_or_default();
             let name = first
