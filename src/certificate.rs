@@ -290,7 +290,13 @@ impl Certifier {
         let information = information.map(|v| v.max(least));
         let direction = trace.as_ref().map(|(t, _)| t);
         Problem {
-            space: Space::new(directions, bounded, &information, direction),
+            space: Space::new(
+                directions,
+                bounded,
+                &information,
+                direction,
+                conditions.mixing.as_ref(),
+            ),
             trace,
         }
     }
@@ -304,6 +310,8 @@ impl Certifier {
         let open = self.conditions.prior_sigma.iter().filter(|s| **s > 0.0);
         let open = open.count() as f64;
         Ok(match criterion {
+            // A weight on a parameter beyond the twelve would add Σ w σ² ≥ 0 of it, of which
+            // nothing is known: its place is in the sum of the weights only.
             Criterion::A { weights } => {
                 let bracket = problem.weighted_variance(weights)?;
                 (bracket, BracketScale::Variance(weights.sum()))
@@ -342,6 +350,8 @@ impl Certifier {
         if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
             return vec![Remark::KnownBefore(known)];
         }
+        let known = &self.conditions.taken_as_known;
+        let known = (!known.is_empty()).then(|| Remark::TakenAsKnown(known.clone()));
         let weak = match bound.majorant.map(|m| m.kind) {
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),
@@ -350,8 +360,10 @@ impl Certifier {
             Some(Majorant::Separated) => None,
         };
         let on_table = matches!(self.directions.allowed, Allowed::Table(_));
-        let at_pole = self.conditions.omega_north == 0.0;
+        let at_pole =
+            self.conditions.omega_north == 0.0 && self.conditions.azimuth_variance.is_none();
         weak.into_iter()
+            .chain(known)
             .chain(on_table.then_some(Remark::IndexTable))
             .chain(at_pole.then_some(Remark::Pole))
             .collect()

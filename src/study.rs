@@ -191,7 +191,6 @@ impl Study {
     /// [`Error::is_input`] when the limits contradict each other, [`Error::is_numerical`] when no
     /// bound can be computed.
     pub fn bound(&self) -> Result<BoundResult> {
-        self.only_of_the_paper("bound")?;
         self.check_limits()?;
         let objective = self.evaluator.objective();
         let total_time_s = self.config().objective.total_time_s;

@@ -327,7 +327,13 @@ fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
         let everything = Directions::unlimited();
         let trace = bounded.trace_information.and(conditions.trace_direction());
         let prior = conditions.decoupled_prior_information();
-        let space = Space::new(&everything, bounded, &prior, trace.as_ref());
+        let space = Space::new(
+            &everything,
+            bounded,
+            &prior,
+            trace.as_ref(),
+            conditions.mixing.as_ref(),
+        );
         for _ in 0..10 {
             let mut dwells: Vec<f64> = (0..8).map(|_| numbers.between(0.2, 1.0)).collect();
             let sum: f64 = dwells.iter().sum();
