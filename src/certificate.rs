@@ -116,6 +116,8 @@ pub struct Bound {
     pub rms_sigma_deg_per_h: f64,
     /// Lower bound on each σ by itself, °/h: not all at once.
     pub sigma_deg_per_h: CoefficientVector,
+    /// Groups of errors that the platform has and that the bound takes as known.
+    pub taken_as_known: Vec<&'static str>,
     /// What the bound does not cover or why it is weak.
     pub remarks: Vec<Remark>,
 }
@@ -210,6 +212,7 @@ impl Certifier {
             lower_bound: of_criterion.lower_bound,
             rms_sigma_deg_per_h: rms.lower_bound,
             sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
+            taken_as_known: self.conditions.taken_as_known.clone(),
             remarks: self.remarks(criterion, &of_criterion),
         })
     }
@@ -344,14 +347,18 @@ impl Certifier {
         })
     }
 
+    /// Which errors of the platform every bound takes as known, if any.
+    pub fn taken_as_known(&self) -> Option<Remark> {
+        let groups = &self.conditions.taken_as_known;
+        (!groups.is_empty()).then(|| Remark::TakenAsKnown(groups.clone()))
+    }
+
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
     pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
         if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
             return vec![Remark::KnownBefore(known)];
         }
-        let known = &self.conditions.taken_as_known;
-        let known = (!known.is_empty()).then(|| Remark::TakenAsKnown(known.clone()));
         let weak = match bound.majorant.map(|m| m.kind) {
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),
@@ -363,7 +370,7 @@ impl Certifier {
         let at_pole =
             self.conditions.omega_north == 0.0 && self.conditions.azimuth_variance.is_none();
         weak.into_iter()
-            .chain(known)
+            .chain(self.taken_as_known())
             .chain(on_table.then_some(Remark::IndexTable))
             .chain(at_pole.then_some(Remark::Pole))
             .collect()

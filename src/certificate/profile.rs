@@ -22,8 +22,8 @@ const FEW_TIME_CONSTANTS: f64 = 1e-2;
 /// Shapes worth trying for one test: that of the level components, and with an azimuth that of the
 /// vertical one, those between them, and the constant 1/q.
 pub(super) fn profiles(conditions: &Conditions, cells: &Cells) -> Vec<Vec<f64>> {
-    /// Shares of the vertical component in the noise of a shape between the two.
-    const BETWEEN: [f64; 3] = [0.25, 0.5, 0.75];
+    /// Share of the vertical component in the noise of the shape between the two.
+    const BETWEEN: [f64; 1] = [0.5];
     let mut shapes = vec![profile(conditions, cells)];
     let Some(azimuth) = conditions.azimuth_variance else {
         return shapes;
