@@ -44,7 +44,7 @@ impl fmt::Display for Remark {
             Self::TakenAsKnown(groups) => {
                 return write!(
                     f,
-                    "as if these were known exactly, which no filter knows better: {}",
+                    "these errors are taken as known exactly, which can only lower the bound: {}",
                     groups.join(", ")
                 );
             }
