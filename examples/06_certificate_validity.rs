@@ -8,8 +8,14 @@
 //!
 //! Random schedules are held against all three bounds, optimised ones against the criterion's.
 //!
-//! `cargo run --release --example 06_certificate_validity -- [PLATFORMS [SCHEDULES [SEARCHES]]]`
-//! draws so many platforms, so many random schedules on each, and runs so many short searches.
+//! Full platforms have a random selection of all families of errors besides, estimated or only
+//! considered, in a random mounting, with an azimuth reference or without. A third of their schedules
+//! are random, the others better and better: each is the best so far, changed a little. All are
+//! evaluated by the exact chain, the best one by the step-by-step filter too.
+//!
+//! `cargo run --release --example 06_certificate_validity -- [PLATFORMS [SCHEDULES [SEARCHES [FULL]]]]`
+//! draws so many platforms, so many random schedules on each, runs so many short searches, and draws
+//! so many full platforms with as many schedules on each.
 #![allow(clippy::print_stdout, reason = "examples print what they show")]
 
 use std::time::{Duration, Instant};
@@ -19,6 +25,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use scheme_opt::internals::certificate::{Bound, Certifier};
+use scheme_opt::internals::covariance::filter::full_step_by_step;
 use scheme_opt::internals::covariance::{CovarianceModel, EndCovariance, TickRule};
 use scheme_opt::internals::criterion::Criterion;
 use scheme_opt::internals::drift::CoefficientVector;
@@ -36,6 +43,7 @@ fn main() {
         .collect();
     let count = |i: usize, default| counts.get(i).copied().unwrap_or(default);
     let (platforms, schedules, searches) = (count(0, 100), count(1, 50), count(2, 20));
+    let full_platforms = count(3, 20);
     let mut random = Tally::default();
     (0..platforms)
         .into_par_iter()
@@ -52,7 +60,15 @@ fn main() {
         .iter()
         .for_each(|t| optimised.add(t));
     optimised.print("optimised schedules");
-    if random.below + optimised.below > 0 {
+    let mut full = Tally::default();
+    (0..full_platforms)
+        .into_par_iter()
+        .map(|seed| schedules_on_a_full_platform(2_000_000 + seed as u64, schedules))
+        .collect::<Vec<_>>()
+        .iter()
+        .for_each(|t| full.add(t));
+    full.print("full platforms");
+    if random.below + optimised.below + full.below > 0 {
         std::process::exit(1);
     }
 }
@@ -161,6 +177,54 @@ fn random_schedules(seed: u64, schedules: usize) -> Tally {
     tally
 }
 
+fn schedules_on_a_full_platform(seed: u64, schedules: usize) -> Tally {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut tally = Tally {
+        platforms: 1,
+        ..Tally::default()
+    };
+    let platform = full_platform(&mut rng);
+    let total_time_s = 10.0_f64.powf(rng.random_range(2.0..4.7));
+    let criterion = random_criterion(&mut rng);
+    let bound = match Certifier::new(&platform).bound(&criterion, total_time_s) {
+        Ok(bound) => bound,
+        Err(e) => {
+            println!("seed {seed}: {e}");
+            tally.refused += 1;
+            return tally;
+        }
+    };
+    let model = CovarianceModel::new(&platform);
+    let mut best: Option<(f64, Vec<ScheduledPosition>, Timeline)> = None;
+    for k in 0..schedules {
+        let positions = match &best {
+            Some((_, positions, _)) if 3 * k > schedules => changed(&mut rng, &platform, positions),
+            _ => random_positions(&mut rng, &platform, total_time_s),
+        };
+        let fitted = fitted(&mut rng, &platform, total_time_s, positions.clone());
+        let Some(timeline) = fitted else {
+            continue;
+        };
+        let Ok(known) = model.full_covariance(&timeline) else {
+            tally.refused += 1;
+            continue;
+        };
+        tally.compare(seed, &platform, &criterion, &bound, &known.end);
+        if let Ok(value) = criterion.value(&known.end)
+            && best.as_ref().is_none_or(|b| value < b.0)
+        {
+            best = Some((value, positions, timeline));
+        }
+    }
+    if let Some((_, _, timeline)) = best {
+        match full_step_by_step(&platform, &timeline) {
+            Ok(known) => tally.compare(seed, &platform, &criterion, &bound, &known.end),
+            Err(_) => tally.refused += 1,
+        }
+    }
+    tally
+}
+
 fn optimised_schedule(seed: u64) -> Tally {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut tally = Tally {
@@ -210,6 +274,63 @@ fn optimised_schedule(seed: u64) -> Tally {
 
 /// A platform; `wild` ones reach into every corner, the others stay where a search is at home.
 fn random_platform(rng: &mut ChaCha8Rng, wild: bool) -> Platform {
+    let config = random_config(rng, wild);
+    config.check().expect("drawn within what a platform allows")
+}
+
+/// A platform with some of the errors, each estimated or considered, in some mounting.
+fn full_platform(rng: &mut ChaCha8Rng) -> Platform {
+    const GROUPS: [(&str, f64); 11] = [
+        ("torquer_scale_factor_ppm", 1000.0),
+        ("torquer_misalignment_arcsec", 60.0),
+        ("quadratic_drift_deg_per_h_per_g2", 0.1),
+        ("quadratic_output_drift_deg_per_h_per_g2", 0.1),
+        ("accelerometer_bias_ug", 100.0),
+        ("accelerometer_scale_factor_ppm", 200.0),
+        ("accelerometer_misalignment_arcsec", 60.0),
+        ("accelerometer_second_order_ug_per_g2", 20.0),
+        ("accelerometer_third_order_ug_per_g3", 5.0),
+        ("accelerometer_cross_coupling_ug_per_g2", 20.0),
+        ("local_gravity_ug", 10.0),
+    ];
+    let wild = rng.random_bool(0.3);
+    let mut config = random_config(rng, wild);
+    // On a third of the platforms nothing but the azimuth or the mounting is new.
+    let share = [0.0, 0.3, 0.7][rng.random_range(0..3)];
+    let mut errors = serde_json::json!({ "considered": {} });
+    for (key, sigma) in GROUPS {
+        let sigma = sigma * 10.0_f64.powf(rng.random_range(-4.0..1.0));
+        if rng.random_bool(share) {
+            match rng.random_bool(0.3) {
+                true => errors["considered"][key] = sigma.into(),
+                false => errors[key] = sigma.into(),
+            }
+        }
+    }
+    config.errors = serde_json::from_value(errors).expect("groups as they are named");
+    if rng.random_bool(0.6) {
+        let mut across = |axis: usize| {
+            let (sin, cos) = rng.random_range(-3.1..3.1_f64).sin_cos();
+            let mut vector = [0.0; 3];
+            (vector[(axis + 1) % 3], vector[(axis + 2) % 3]) = (cos, sin);
+            vector
+        };
+        let axes = serde_json::json!({ "X": across(0), "Y": across(1), "Z": across(2) });
+        config.gyro.output_axis = serde_json::from_value(axes).expect("unit vectors across");
+    }
+    if rng.random_bool(0.6) {
+        let within = if wild { -2.9..5.0 } else { -1.0..2.5 };
+        config.azimuth.noise_arcsec = Some(10.0_f64.powf(rng.random_range(within)));
+    }
+    let free = config.gimbals == Default::default();
+    if free && config.motion.repositioning == Repositioning::Slew && rng.random_bool(0.3) {
+        config.motion.start_deg = Some([10.0, -50.0, 130.0]);
+    }
+    config.motion.return_to_start = rng.random_bool(0.2);
+    config.check().expect("drawn within what a platform allows")
+}
+
+fn random_config(rng: &mut ChaCha8Rng, wild: bool) -> PlatformConfig {
     let mut c = PlatformConfig::default();
     let log =
         |rng: &mut ChaCha8Rng, low: f64, high: f64| 10.0_f64.powf(rng.random_range(low..high));
@@ -251,7 +372,7 @@ fn random_platform(rng: &mut ChaCha8Rng, wild: bool) -> Platform {
         };
     }
     limits(rng, &mut c);
-    c.check().expect("drawn within what a platform allows")
+    c
 }
 
 fn limits(rng: &mut ChaCha8Rng, c: &mut PlatformConfig) {
@@ -282,7 +403,14 @@ fn limits(rng: &mut ChaCha8Rng, c: &mut PlatformConfig) {
 }
 
 fn random_criterion(rng: &mut ChaCha8Rng) -> Criterion {
-    match rng.random_range(0..5) {
+    match rng.random_range(0..6) {
+        4 => {
+            // An attitude error about three axes.
+            let l = nalgebra::DMatrix::from_fn(3, 12, |_, _| rng.random_range(-1.0..1.0));
+            Criterion::Use {
+                weight: l.transpose() * l,
+            }
+        }
         0 => Criterion::weighted(
             CoefficientVector::from_fn(|_, _| {
                 if rng.random_bool(0.3) {
@@ -311,7 +439,12 @@ fn random_timeline(
     platform: &Platform,
     total_time_s: f64,
 ) -> Option<Timeline> {
-    let count = rng.random_range(1..16);
+    let positions = random_positions(rng, platform, total_time_s);
+    fitted(rng, platform, total_time_s, positions)
+}
+
+/// Angles that the gimbals can be set to.
+fn random_position(rng: &mut ChaCha8Rng, platform: &Platform) -> Position {
     let gimbals = platform.gimbals();
     let angle = |rng: &mut ChaCha8Rng, axis: usize| {
         let (low, high) = gimbals.ranges[axis].map_or((-3.1, 3.1), |r| (r.low_rad, r.high_rad));
@@ -320,9 +453,20 @@ fn random_timeline(
             .step_rad
             .map_or(angle, |step| step * (angle / step).round())
     };
+    Position::from_rad(angle(rng, 0), angle(rng, 1), angle(rng, 2))
+}
+
+/// Positions with any shares of the time.
+fn random_positions(
+    rng: &mut ChaCha8Rng,
+    platform: &Platform,
+    total_time_s: f64,
+) -> Vec<ScheduledPosition> {
+    let count = rng.random_range(1..16);
+    let gimbals = platform.gimbals();
     let mut positions: Vec<ScheduledPosition> = (0..count)
         .map(|_| {
-            let position = Position::from_rad(angle(rng, 0), angle(rng, 1), angle(rng, 2));
+            let position = random_position(rng, platform);
             ScheduledPosition::new(position, rng.random_range(0.0..1.0_f64))
         })
         .collect();
@@ -339,6 +483,48 @@ fn random_timeline(
             }
         }
     }
+    positions
+}
+
+/// The same with one position a little elsewhere or anew, and other shares of the time.
+fn changed(
+    rng: &mut ChaCha8Rng,
+    platform: &Platform,
+    positions: &[ScheduledPosition],
+) -> Vec<ScheduledPosition> {
+    let mut positions = positions.to_vec();
+    let gimbals = platform.gimbals();
+    let k = rng.random_range(0..positions.len());
+    let anew = random_position(rng, platform);
+    let near = 10.0_f64.powf(rng.random_range(-2.5..0.0));
+    let p = &mut positions[k];
+    p.position = if gimbals.step_rad.is_some() || rng.random_bool(0.2) {
+        anew
+    } else {
+        let mut angles = p.position.to_array();
+        for (angle, range) in angles.iter_mut().zip(gimbals.ranges) {
+            *angle += near * rng.random_range(-1.0..1.0);
+            if let Some(r) = range {
+                *angle = angle.clamp(r.low_rad, r.high_rad);
+            }
+        }
+        Position::from_array(angles)
+    };
+    p.dwell_s *= 1.0 + 0.3 * near * rng.random_range(-1.0..1.0);
+    if positions.len() < 16 && rng.random_bool(0.05) {
+        let share = rng.random_range(0.0..1.0_f64);
+        positions.push(ScheduledPosition::new(anew, share));
+    }
+    positions
+}
+
+/// The schedule with these shares of the duration as its dwells.
+fn fitted(
+    rng: &mut ChaCha8Rng,
+    platform: &Platform,
+    total_time_s: f64,
+    mut positions: Vec<ScheduledPosition>,
+) -> Option<Timeline> {
     let overhead = Timeline::new(platform, &Schedule::new(positions.clone()).ok()?)
         .ok()?
         .overhead_s();

@@ -44,6 +44,7 @@ mod recursion;
 mod remark;
 mod sampling;
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::covariance::{CovarianceRoot, Rooted};
@@ -116,6 +117,8 @@ pub struct Bound {
     pub rms_sigma_deg_per_h: f64,
     /// Lower bound on each σ by itself, °/h: not all at once.
     pub sigma_deg_per_h: CoefficientVector,
+    /// Groups of errors that the platform has and that the bound takes as known.
+    pub taken_as_known: Vec<&'static str>,
     /// What the bound does not cover or why it is weak.
     pub remarks: Vec<Remark>,
 }
@@ -151,9 +154,7 @@ impl Certifier {
             majorant: None,
         };
         // What other parameters add to a criterion is not negative, and is left out.
-        let Some((criterion, factor)) = criterion.of_the_coefficients() else {
-            return Ok(nothing);
-        };
+        let (criterion, factor) = criterion.of_the_coefficients();
         if criterion.is_known(&self.conditions.prior_sigma) {
             return Ok(nothing);
         }
@@ -227,6 +228,7 @@ impl Certifier {
             lower_bound: of_criterion.lower_bound,
             rms_sigma_deg_per_h: rms.lower_bound,
             sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
+            taken_as_known: self.conditions.taken_as_known.clone(),
             remarks: self.remarks(criterion, &of_criterion),
         })
     }
@@ -283,7 +285,8 @@ impl Certifier {
         let weights = match criterion {
             Criterion::A { weights, .. } => *weights,
             Criterion::MaxRatio { spec_deg_per_h, .. } => spec_deg_per_h.map(|s| (s * s).recip()),
-            Criterion::D | Criterion::E | Criterion::Use { .. } => CoefficientVector::repeat(1.0),
+            Criterion::Use { weight } => CoefficientVector::from_fn(|i, _| weight[(i, i)]),
+            Criterion::D | Criterion::E => CoefficientVector::repeat(1.0),
         };
         Emphasis::new(&self.conditions, &weights, choice)
     }
@@ -307,7 +310,13 @@ impl Certifier {
         let information = information.map(|v| v.max(least));
         let direction = trace.as_ref().map(|(t, _)| t);
         Problem {
-            space: Space::new(directions, bounded, &information, direction),
+            space: Space::new(
+                directions,
+                bounded,
+                &information,
+                direction,
+                conditions.mixing.as_ref(),
+            ),
             trace,
         }
     }
@@ -329,10 +338,11 @@ impl Certifier {
                 problem.log_determinant()?,
                 BracketScale::LogDeterminant(open),
             ),
-            // No criterion of the coefficients alone, see `criterion_bound`.
-            Criterion::E | Criterion::Use { .. } => {
-                (problem.worst_variance()?, BracketScale::Variance(1.0))
-            }
+            Criterion::E => (problem.worst_variance()?, BracketScale::Variance(1.0)),
+            Criterion::Use { weight } => (
+                problem.weighted_by(&weight_root(weight))?,
+                BracketScale::Variance(1.0),
+            ),
             Criterion::MaxRatio { spec_deg_per_h, .. } => (
                 problem.worst_ratio(spec_deg_per_h)?,
                 BracketScale::Variance(1.0),
@@ -356,6 +366,12 @@ impl Certifier {
         })
     }
 
+    /// Which errors of the platform every bound takes as known, if any.
+    pub fn taken_as_known(&self) -> Option<Remark> {
+        let groups = &self.conditions.taken_as_known;
+        (!groups.is_empty()).then(|| Remark::TakenAsKnown(groups.clone()))
+    }
+
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
     pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
@@ -370,8 +386,10 @@ impl Certifier {
             Some(Majorant::Separated) => None,
         };
         let on_table = matches!(self.directions.allowed, Allowed::Table(_));
-        let at_pole = self.conditions.omega_north == 0.0;
+        let at_pole =
+            self.conditions.omega_north == 0.0 && self.conditions.azimuth_variance.is_none();
         weak.into_iter()
+            .chain(self.taken_as_known())
             .chain(on_table.then_some(Remark::IndexTable))
             .chain(at_pole.then_some(Remark::Pole))
             .collect()
@@ -384,6 +402,16 @@ enum BracketScale {
     Variance(f64),
     /// exp(v/2n).
     LogDeterminant(f64),
+}
+
+/// R with W = R Rᵀ, W positive semidefinite.
+fn weight_root(weight: &DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = weight.clone().symmetric_eigen();
+    let mut root = eigen.eigenvectors;
+    for (mut column, value) in root.column_iter_mut().zip(eigen.eigenvalues.iter()) {
+        column *= value.max(0.0).sqrt();
+    }
+    root
 }
 
 fn finish(

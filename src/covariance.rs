@@ -143,10 +143,7 @@ impl CovarianceModel {
             prior_psi: Matrix3::from_diagonal(&prior),
             prior_sigma,
             prior_scale: PriorScale::new(&prior_sigma),
-            mixing: match platform.is_of_the_paper() {
-                true => None,
-                false => Mixing::new(&platform.errors, &[]),
-            },
+            mixing: (!platform.is_of_the_paper()).then(|| Mixing::new(&platform.errors, &[])),
             errors: platform.errors.clone(),
             with_azimuth: azimuth_variance.map(|azimuth| {
                 let measured = measured(noise_variance, Some(azimuth));
@@ -171,7 +168,7 @@ impl CovarianceModel {
     /// too, places in [`ErrorModel::parameters`].
     pub(crate) fn seeing(mut self, others: &[usize]) -> Self {
         if self.mixing.is_some() {
-            self.mixing = Mixing::new(&self.errors, others);
+            self.mixing = Some(Mixing::new(&self.errors, others));
         }
         self
     }
@@ -190,11 +187,6 @@ impl CovarianceModel {
     /// channels.
     pub(crate) fn is_of_the_paper(&self) -> bool {
         self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
-    }
-
-    /// Whether the fast route, and with it a search, knows everything that the platform has.
-    pub(crate) fn is_searchable(&self) -> bool {
-        self.is_of_the_paper() || self.mixing.is_some()
     }
 
     /// Variance of the measurement of each component of ψ^n in a period, arcsec².

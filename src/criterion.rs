@@ -199,9 +199,8 @@ impl Criterion {
         }
     }
 
-    /// A criterion of the twelve coefficients alone which, times the factor, is never above this one;
-    /// none where there is none of this form.
-    pub(crate) fn of_the_coefficients(&self) -> Option<(Self, f64)> {
+    /// A criterion of the twelve coefficients alone which, times the factor, is never above this one.
+    pub(crate) fn of_the_coefficients(&self) -> (Self, f64) {
         match self {
             Self::A { weights, others } => {
                 let (twelve, rest) = (weights.sum(), others.iter().sum::<f64>());
@@ -210,11 +209,12 @@ impl Criterion {
                 } else {
                     1.0
                 };
-                Some((Self::weighted(*weights), factor))
+                (Self::weighted(*weights), factor)
             }
-            Self::MaxRatio { spec_deg_per_h, .. } => Some((Self::max_ratio(*spec_deg_per_h), 1.0)),
-            Self::D | Self::E => Some((self.clone(), 1.0)),
-            Self::Use { .. } => None,
+            Self::MaxRatio { spec_deg_per_h, .. } => (Self::max_ratio(*spec_deg_per_h), 1.0),
+            Self::D | Self::E => (self.clone(), 1.0),
+            // With the others known P ⪰ the covariance of the twelve alone.
+            Self::Use { .. } => (self.estimate(), 1.0),
         }
     }
 

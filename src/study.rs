@@ -194,7 +194,6 @@ impl Study {
     /// [`Error::is_input`] when the limits contradict each other, [`Error::is_numerical`] when no
     /// bound can be computed.
     pub fn bound(&self) -> Result<BoundResult> {
-        self.only_in_the_papers_mounting("bound")?;
         self.check_limits()?;
         let objective = self.evaluator.objective();
         let total_time_s = self.config().objective.total_time_s;
@@ -238,15 +237,6 @@ impl Study {
     /// twelve coefficients in the paper's mounting, seen in two channels.
     fn only_of_the_paper(&self, what: &str) -> Result<()> {
         match self.checked.platform().is_of_the_paper() {
-            true => Ok(()),
-            false => self.refuse_full(what),
-        }
-    }
-
-    /// The same for what knows other parameters: only the mounting and the azimuth are refused.
-    fn only_in_the_papers_mounting(&self, what: &str) -> Result<()> {
-        let model = self.evaluator.model();
-        match model.is_searchable() && *model.mounting() == Mounting::PAPER {
             true => Ok(()),
             false => self.refuse_full(what),
         }

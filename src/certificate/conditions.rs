@@ -3,8 +3,11 @@
 use nalgebra::Vector3;
 
 use crate::attitude::{NORTH, UP};
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftKind};
+use crate::drift::{
+    COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftKind,
+};
 use crate::dynamics::ErrorDynamics;
+use crate::model::Mounting;
 use crate::platform::{Platform, Repositioning};
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 
@@ -24,8 +27,11 @@ pub(super) struct Conditions {
     pub omega: f64,
     /// PSD q of the random drift, arcsec²/s.
     pub drift_psd: f64,
-    /// Variance r² of a measurement, arcsec².
+    /// Variance r² of a measurement of a level component of ψ^n, arcsec².
     pub noise_variance: f64,
+    /// Variance of a measurement of its vertical component, the azimuth, arcsec²; none: it is not
+    /// measured.
+    pub azimuth_variance: Option<f64>,
     pub period_s: f64,
     /// Prior variances of ψ^n, arcsec².
     pub prior_psi: Vector3<f64>,
@@ -33,16 +39,27 @@ pub(super) struct Conditions {
     pub prior_sigma: CoefficientVector,
     /// Whether a change of position turns ψ^n.
     pub frame_hold: bool,
+    /// What turns A of the paper's mounting into that of the platform; none: it is the paper's.
+    pub mixing: Option<CoefficientMatrix>,
+    /// Groups of errors that the platform has besides ψ and the twelve coefficients. The bound is
+    /// that of a platform on which they are known: knowing more never raises a σ.
+    pub taken_as_known: Vec<&'static str>,
 }
 
 impl Conditions {
     pub fn new(platform: &Platform) -> Self {
         let rate = platform.earth_rate_n();
         let noise_variance = Angle::from_rad(platform.noise_g()).arcsec().powi(2);
-        let prior_psi = platform.prior_misalignment_rad().map(|rad| {
+        let azimuth_variance = platform
+            .azimuth_noise_rad()
+            .map(|rad| Angle::from_rad(rad).arcsec().powi(2));
+        let mut prior_psi = platform.prior_misalignment_rad().map(|rad| {
             let variance = Angle::from_rad(rad).arcsec().powi(2);
             variance.min(LARGEST_PRIOR * noise_variance)
         });
+        if let Some(azimuth) = azimuth_variance {
+            prior_psi[UP] = prior_psi[UP].min(LARGEST_PRIOR * azimuth);
+        }
         Self {
             dynamics: ErrorDynamics::new(rate),
             omega_north: rate[NORTH].abs(),
@@ -50,13 +67,23 @@ impl Conditions {
             omega: rate.norm(),
             drift_psd: platform.drift_psd_rad2_per_s() * ARCSEC_PER_RAD.powi(2),
             noise_variance,
+            azimuth_variance,
             period_s: platform.period_s(),
             prior_psi,
             prior_sigma: platform
                 .prior_drift_rad_per_s()
                 .map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
             frame_hold: platform.motion().repositioning == Repositioning::FrameHold,
+            mixing: (*platform.errors().mounting() != Mounting::PAPER)
+                .then(|| platform.errors().mounting().mixing_of_the_papers()),
+            taken_as_known: others(platform),
         }
+    }
+
+    /// The smallest variance of a measurement of a component of ψ^n, arcsec².
+    pub fn least_variance(&self) -> f64 {
+        let azimuth = self.azimuth_variance.unwrap_or(f64::INFINITY);
+        azimuth.min(self.noise_variance)
     }
 
     /// Information of the prior on each coefficient; infinite for a known one.
@@ -93,6 +120,17 @@ impl Conditions {
         }
         information
     }
+}
+
+/// The groups of errors that are not known exactly, beyond the twelve coefficients.
+fn others(platform: &Platform) -> Vec<&'static str> {
+    let mut groups = Vec::new();
+    for parameter in &platform.errors().parameters()[COEFFICIENTS..] {
+        if parameter.prior_sigma > 0.0 && !groups.contains(&parameter.group) {
+            groups.push(parameter.group);
+        }
+    }
+    groups
 }
 
 /// The test divided into equal cells of `per_cell` filter periods; the last may reach beyond it.

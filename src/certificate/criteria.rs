@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::design::{Designed, Goal, ROUNDS, Space, prior_part};
 
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
+use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::{Error, Result};
 
 /// A design problem with what is known of the trace.
@@ -69,20 +69,32 @@ impl Problem<'_> {
 
     /// Y and ‖W^{1/2} t‖²/κ for W = diag(weights).
     pub fn target(&self, weights: &CoefficientVector) -> (DMatrix<f64>, f64) {
-        let root = weights.map(f64::sqrt);
-        let mut projected = CoefficientMatrix::from_diagonal(&root);
+        let root = DVector::from_iterator(COEFFICIENTS, weights.iter().map(|w| w.sqrt()));
+        self.target_by(&DMatrix::from_diagonal(&root))
+    }
+
+    /// tr(W P) for W = R Rᵀ, `root` = R.
+    pub fn weighted_by(&self, root: &DMatrix<f64>) -> Result<Bracket> {
+        let (y, fixed) = self.target_by(root);
+        let rest = self.linear(y, ROUNDS)?;
+        Ok(rest.map(|v| v + fixed))
+    }
+
+    /// The same as [`Problem::target`] for W = R Rᵀ: with R in the place of W^{1/2}, c = Rᵀ t, the
+    /// direction R c/‖c‖ is bounded by P ⪰ t tᵀ/κ, and the others are none of t's.
+    fn target_by(&self, root: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
+        let mut projected = root.clone();
         let mut fixed = 0.0;
         if let Some((t, kappa)) = &self.trace {
-            let c = root.component_mul(t);
+            let c = root.tr_mul(t);
             let square = c.norm_squared();
             if square > 0.0 {
-                // W^{1/2} (I − c cᵀ/‖c‖²).
-                projected -= root.component_mul(&c) * c.transpose() / square;
+                // R (I − c cᵀ/‖c‖²).
+                projected -= root * &c * c.transpose() / square;
                 fixed = square / kappa;
             }
         }
-        let dense = DMatrix::from_fn(COEFFICIENTS, COEFFICIENTS, |i, j| projected[(i, j)]);
-        (self.space.basis.transpose() * dense, fixed)
+        (self.space.basis.transpose() * projected, fixed)
     }
 
     /// tr(Yᵀ S⁻¹ Y).

@@ -28,6 +28,8 @@ use crate::error::{Error, Result};
 pub(super) struct Space<'a> {
     /// Orthonormal columns: what is left when known coefficients and the trace are taken out.
     pub basis: DMatrix<f64>,
+    /// The same directions as coefficients of the paper's mounting, in which A is written.
+    in_papers_mounting: DMatrix<f64>,
     /// Prior information on them.
     pub prior: DMatrix<f64>,
     pub bounded: Bounded,
@@ -76,19 +78,28 @@ pub(super) struct Designed {
 
 impl<'a> Space<'a> {
     /// `information`: of the prior; infinite entries are known coefficients and left out, as is
-    /// the direction `trace`.
+    /// the direction `trace`. `mixing` turns A of the paper's mounting into that of the platform;
+    /// none: it is the paper's.
     pub fn new(
         directions: &'a Directions,
         bounded: Bounded,
         information: &CoefficientVector,
         trace: Option<&CoefficientVector>,
+        mixing: Option<&CoefficientMatrix>,
     ) -> Self {
         let basis = complement(information, trace);
+        let in_papers_mounting = match mixing {
+            None => basis.clone(),
+            Some(mixing) => {
+                DMatrix::from_fn(COEFFICIENTS, COEFFICIENTS, |i, j| mixing[(i, j)]) * &basis
+            }
+        };
         let finite = information.map(|v| if v.is_finite() { v } else { 0.0 });
         let full = DMatrix::from_diagonal(&nalgebra::DVector::from_column_slice(finite.as_slice()));
         let mut space = Self {
             prior: basis.transpose() * full * &basis,
             basis,
+            in_papers_mounting,
             bounded,
             attitudes: Attitudes::new(directions, bounded.delta),
             start: Vec::new(),
@@ -115,12 +126,12 @@ impl<'a> Space<'a> {
         let scaled = DMatrix::from_fn(3, COEFFICIENTS, |i, j| {
             (self.bounded.mass * self.bounded.delta[i]).sqrt() * a[(i, j)]
         });
-        scaled * &self.basis
+        scaled * &self.in_papers_mounting
     }
 
     /// mass · φ's upper bound over all allowed attitudes, and where its largest value was seen.
     pub fn peak(&self, factor: &DMatrix<f64>, rigorous: bool) -> Peak {
-        let spread = &self.basis * factor;
+        let spread = &self.in_papers_mounting * factor;
         let square = &spread * spread.transpose();
         let b = CoefficientMatrix::from_fn(|i, j| square[(i, j)]);
         let mut peak = self.attitudes.peak(&b, rigorous);

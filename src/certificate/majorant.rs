@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::conditions::{Cells, Conditions};
-use super::profile::profile;
+use super::profile::{profile_of_the_best, profiles};
 use super::recursion::{Recursion, isotropic_holds};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 
@@ -134,23 +134,35 @@ pub(super) fn majorants(
     let Some(cells) = Cells::new(conditions, total_time_s) else {
         return Vec::new();
     };
-    let profile = profile(conditions, &cells);
-    let recursion = Recursion::new(conditions.clone(), cells, profile);
+    let with = |profile| Recursion::new(conditions.clone(), cells, profile);
+    let of_the_best = || with(profile_of_the_best(conditions, &cells));
     if conditions.frame_hold {
-        return isotropic(&recursion, None).into_iter().collect();
+        return isotropic(&of_the_best(), None).into_iter().collect();
     }
+    let recursions: Vec<Recursion> = profiles(conditions, &cells).into_iter().map(with).collect();
     let trace_apart = conditions.trace_direction().is_some();
+    // It depends on no profile.
     let trace_information = trace_apart
-        .then(|| recursion.trace_information())
+        .then(|| recursions[0].trace_information())
         .filter(|i| i.is_finite());
-    let separated = separated(&recursion, emphasis, trace_information);
-    if separated.is_empty() {
+    let mut best: Vec<Bounded> = Vec::new();
+    for recursion in &recursions {
+        let found = separated(recursion, emphasis, trace_information);
+        let value = |all: &[Bounded]| {
+            let first = all.first()?;
+            Some((first.delta, emphasis.value(&first.delta, first.mass)))
+        };
+        if better(value(&found), value(&best)) {
+            best = found;
+        }
+    }
+    if best.is_empty() {
         // S is no more than the information with the trace known, which this majorises too.
-        return isotropic(&recursion, trace_information)
+        return isotropic(&of_the_best(), trace_information)
             .into_iter()
             .collect();
     }
-    separated
+    best
 }
 
 fn separated(

@@ -7,20 +7,59 @@
 //! best diagonal majorant there is: its integral, ⟨1, 𝓖 1⟩, is what a constant u reaches.
 //!
 //! Here f is only a *shape*: that f(t)·diag(δ) majorises the coupled, sampled problem is for the
-//! recursion of [`majorant`](super::majorant) to say.
+//! recursion of [`majorant`](super::majorant) to say. Where the azimuth is measured with another
+//! noise than the level components, the channels have different shapes, and several common ones are
+//! tried.
 
 use super::conditions::{Cells, Conditions};
-use crate::attitude::{EAST, NORTH};
+use crate::attitude::{EAST, NORTH, UP};
 
 /// Smallest value relative to the largest: keeps the weights of the first and last cell moderate.
 const FLOOR: f64 = 0.02;
 /// Below this many time constants the test is a parabola in double precision.
 const FEW_TIME_CONSTANTS: f64 = 1e-2;
 
-/// f at the middle of each cell, (°/h)⁻² s⁻¹.
+/// Shapes worth trying for one test: that of the level components, and with an azimuth that of the
+/// vertical one, those between them, and the constant 1/q.
+pub(super) fn profiles(conditions: &Conditions, cells: &Cells) -> Vec<Vec<f64>> {
+    /// Share of the vertical component in the noise of the shape between the two.
+    const BETWEEN: [f64; 1] = [0.5];
+    let mut shapes = vec![profile(conditions, cells)];
+    let Some(azimuth) = conditions.azimuth_variance else {
+        return shapes;
+    };
+    let [level, up] = [conditions.noise_variance, azimuth].map(libm::log);
+    let prior = conditions.prior_psi.max();
+    for share in BETWEEN {
+        let noise = libm::exp(level + share * (up - level));
+        shapes.push(of_channel(conditions, cells, noise, prior));
+    }
+    let prior = conditions.prior_psi[UP];
+    shapes.push(of_channel(conditions, cells, azimuth, prior));
+    if conditions.drift_psd > 0.0 {
+        shapes.push(vec![conditions.drift_psd.recip(); cells.count]);
+    }
+    shapes
+}
+
+/// f of the level components at the middle of each cell, (°/h)⁻² s⁻¹.
 pub(super) fn profile(conditions: &Conditions, cells: &Cells) -> Vec<f64> {
-    let rho = conditions.noise_variance * conditions.period_s;
     let prior = conditions.prior_psi[NORTH].max(conditions.prior_psi[EAST]);
+    of_channel(conditions, cells, conditions.noise_variance, prior)
+}
+
+/// f of the best measured component, where all count as measured like it.
+pub(super) fn profile_of_the_best(conditions: &Conditions, cells: &Cells) -> Vec<f64> {
+    if conditions.least_variance() == conditions.noise_variance {
+        return profile(conditions, cells);
+    }
+    let prior = conditions.prior_psi.max();
+    of_channel(conditions, cells, conditions.least_variance(), prior)
+}
+
+/// f of a channel that is measured with the variance `noise` and starts from the variance `prior`.
+fn of_channel(conditions: &Conditions, cells: &Cells, noise: f64, prior: f64) -> Vec<f64> {
+    let rho = noise * conditions.period_s;
     let end = cells.count as f64 * cells.length_s;
     let rate = (conditions.drift_psd / rho).sqrt();
     let shape = ClosedForm::new(conditions.drift_psd, rho, rate, rho / prior, end);

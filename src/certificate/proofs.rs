@@ -9,14 +9,14 @@ use super::conditions::{Cells, Conditions};
 use super::design::Space;
 use super::directions::Directions;
 use super::majorant::{Bounded, Choice, Emphasis, Majorant, majorants};
-use super::profile::profile;
+use super::profile::{profile, profile_of_the_best, profiles};
 use super::recursion::{Recursion, isotropic_holds};
 use super::*;
-use crate::attitude::{Attitude, EAST, NORTH, Position};
-use crate::covariance::{CovarianceModel, TickRule};
+use crate::attitude::{Attitude, EAST, NORTH, Position, UP};
+use crate::covariance::CovarianceModel;
 use crate::drift::{DriftMatrix, drift_matrix};
 use crate::motion::Timeline;
-use crate::platform::{PlatformConfig, Repositioning};
+use crate::platform::{AxisValue, OutputAxes, PlatformConfig, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
 use crate::testing::platform;
 
@@ -48,6 +48,26 @@ fn recursion(platform: &Platform, total_time_s: f64) -> Recursion {
     let cells = Cells::new(&conditions, total_time_s).unwrap();
     let profile = profile(&conditions, &cells);
     Recursion::new(conditions, cells, profile)
+}
+
+/// The recursion that `bounded` was found with.
+fn recursion_of(platform: &Platform, total_time_s: f64, bounded: &Bounded) -> Recursion {
+    let conditions = Conditions::new(platform);
+    let cells = Cells::new(&conditions, total_time_s).unwrap();
+    let of_the_best = profile_of_the_best(&conditions, &cells);
+    profiles(&conditions, &cells)
+        .into_iter()
+        .chain([of_the_best])
+        .map(|shape| Recursion::new(conditions.clone(), cells, shape))
+        .find(|r| r.mass == bounded.mass || bounded.mass == total_time_s)
+        .unwrap()
+}
+
+/// The components of ψ^n that are measured, each with its variance.
+fn measured(conditions: &Conditions) -> Vec<(usize, f64)> {
+    let level = [NORTH, EAST].map(|axis| (axis, conditions.noise_variance));
+    let azimuth = conditions.azimuth_variance.map(|v| (UP, v));
+    level.into_iter().chain(azimuth).collect()
 }
 
 /// Measurement times at least a period apart, the first a period after the start or later.
@@ -83,7 +103,9 @@ fn dense(
     let phi = |t: f64| c.dynamics.transition(t);
     let down = Vector3::new(0.0, -1.0 / 3.0_f64.sqrt(), 0.0);
     let prior = Matrix3::from_diagonal(&c.prior_psi);
-    let mut out = DMatrix::zeros(2 * times.len(), 2 * times.len());
+    let axes = measured(c);
+    let count = axes.len();
+    let mut out = DMatrix::zeros(count * times.len(), count * times.len());
     for (k, &tk) in times.iter().enumerate() {
         for (l, &tl) in times.iter().enumerate() {
             let end = tk.min(tl);
@@ -105,14 +127,15 @@ fn dense(
                     block += phi(tk - s) * q * phi(tl - s).transpose() * width;
                 }
             }
-            for (i, &a) in [NORTH, EAST].iter().enumerate() {
-                for (j, &b) in [NORTH, EAST].iter().enumerate() {
-                    out[(2 * k + i, 2 * l + j)] = block[(a, b)];
+            for (i, (a, variance)) in axes.iter().enumerate() {
+                for (j, (b, _)) in axes.iter().enumerate() {
+                    out[(count * k + i, count * l + j)] = block[(*a, *b)];
+                }
+                if k == l {
+                    out[(count * k + i, count * k + i)] += variance;
                 }
             }
         }
-        out[(2 * k, 2 * k)] += c.noise_variance;
-        out[(2 * k + 1, 2 * k + 1)] += c.noise_variance;
     }
     out
 }
@@ -135,18 +158,24 @@ fn rms_majorant(platform: &Platform, total_time_s: f64) -> Bounded {
 fn the_recursion_majorises_every_admissible_set_of_times() {
     let mut numbers = Numbers(1);
     let cases = [
-        (50.0, 28.2, 0.01, 1000.0),
-        (100.0, -70.0, 0.003, 1450.0),
-        (60.0, 0.0, 0.0, 700.0),
+        (50.0, 28.2, 0.01, 1000.0, None),
+        (100.0, -70.0, 0.003, 1450.0, None),
+        (60.0, 0.0, 0.0, 700.0, None),
+        (50.0, 28.2, 0.01, 1000.0, Some(5.0)),
+        (50.0, 28.2, 0.003, 1000.0, Some(0.4)),
+        (100.0, -70.0, 0.003, 1450.0, Some(30.0)),
+        (60.0, 0.0, 0.0, 700.0, Some(1.0)),
+        (80.0, 90.0, 0.01, 1000.0, Some(3.0)),
     ];
-    for (period, latitude, drift, total) in cases {
+    for (period, latitude, drift, total, azimuth) in cases {
         let platform = platform(|c| {
             c.filter.period_s = period;
             c.site.latitude_deg = latitude;
             c.gyro.random_drift_deg_per_h = Some(drift);
+            c.azimuth.noise_arcsec = azimuth;
         });
-        let r = recursion(&platform, total);
         let bounded = rms_majorant(&platform, total);
+        let r = recursion_of(&platform, total, &bounded);
         assert_eq!(bounded.kind, Majorant::Separated);
         let prior = r.conditions.decoupled_prior_information()[3].recip();
         // The test grants itself no more than this of the trace's prior variance.
@@ -162,7 +191,7 @@ fn the_recursion_majorises_every_admissible_set_of_times() {
         for _ in 0..25 {
             let times = admissible_times(&mut numbers, period, total);
             let least = least_eigenvalue(&dense(&r, &times, trace, noise(1.0)));
-            assert!(least > 0.0, "{period} {latitude}: {least}");
+            assert!(least > 0.0, "{period} {latitude} {azimuth:?}: {least}");
         }
         if period > 50.0 {
             // What sharing out costs grows with the period: close only where it is short.
@@ -175,7 +204,7 @@ fn the_recursion_majorises_every_admissible_set_of_times() {
             * r.sharing
                 .trace_variance(&r.conditions, &r.cells, prior, 1e-3);
         let short = least_eigenvalue(&dense(&r, &uniform, trace, noise(0.6)));
-        assert!(short < 0.0, "{period} {latitude}: {short}");
+        assert!(short < 0.0, "{period} {latitude} {azimuth:?}: {short}");
     }
 }
 
@@ -183,16 +212,31 @@ fn the_recursion_majorises_every_admissible_set_of_times() {
 #[test]
 fn the_trace_is_never_known_better_than_its_bound() {
     let mut numbers = Numbers(2);
-    let platform = platform(|c| c.filter.period_s = 50.0);
-    let r = recursion(&platform, 2000.0);
-    let bound = r.trace_information();
-    let information = |times: &[f64]| trace_information(&r, times);
-    let uniform: Vec<f64> = (1..=40).map(|i| f64::from(i) * 50.0).collect();
-    let full = information(&uniform);
-    assert!(full <= bound && full > 0.97 * bound, "{full} {bound}");
-    for _ in 0..10 {
-        let times = admissible_times(&mut numbers, 50.0, 2000.0);
-        assert!(information(&times) <= bound);
+    for (latitude, azimuth) in [
+        (28.2, None),
+        (28.2, Some(0.5)),
+        (28.2, Some(5.0)),
+        (-60.0, Some(200.0)),
+        (90.0, Some(5.0)),
+    ] {
+        let platform = platform(|c| {
+            c.filter.period_s = 50.0;
+            c.site.latitude_deg = latitude;
+            c.azimuth.noise_arcsec = azimuth;
+        });
+        let r = recursion(&platform, 2000.0);
+        let bound = r.trace_information();
+        let information = |times: &[f64]| trace_information(&r, times);
+        let uniform: Vec<f64> = (1..=40).map(|i| f64::from(i) * 50.0).collect();
+        let full = information(&uniform);
+        assert!(
+            full <= bound && full > 0.97 * bound,
+            "{azimuth:?} {full} {bound}"
+        );
+        for _ in 0..10 {
+            let times = admissible_times(&mut numbers, 50.0, 2000.0);
+            assert!(information(&times) <= bound);
+        }
     }
 }
 
@@ -202,10 +246,16 @@ fn the_trace_is_never_known_better_than_its_bound() {
 fn cells_of_several_periods_majorise_too() {
     let mut numbers = Numbers(9);
     let (period, kappa) = (60.0, 0.05);
-    for (latitude, total) in [(28.2, 1440.0), (-75.0, 1500.0)] {
+    for (latitude, total, azimuth) in [
+        (28.2, 1440.0, None),
+        (-75.0, 1500.0, None),
+        (28.2, 1440.0, Some(5.0)),
+        (-75.0, 1500.0, Some(2.5)),
+    ] {
         let platform = platform(|c| {
             c.filter.period_s = period;
             c.site.latitude_deg = latitude;
+            c.azimuth.noise_arcsec = azimuth;
             // A start that is known well makes the first measurements count.
             c.prior.misalignment_deg = crate::platform::AxisValue::All(0.02);
         });
@@ -226,13 +276,17 @@ fn cells_of_several_periods_majorise_too() {
         let trace = r
             .sharing
             .trace_variance(&r.conditions, &cells, prior, kappa);
-        let ratios = [1.0, 0.3, 1.1];
+        // An azimuth tells as much of the vertical channel as there is of the others.
+        let ratios = match azimuth {
+            None => [1.0, 0.3, 1.1],
+            Some(_) => [1.0, 1.2, 1.1],
+        };
         let scaled = |s: f64| ratios.map(|v| v * s);
         let mut steps = (0..400).map(|k| 1e-3 * 1.03_f64.powi(k) / r.profile[0]);
         let scale = steps
             .clone()
             .find(|s| r.holds(&scaled(*s), trace, kappa))
-            .unwrap();
+            .unwrap_or_else(|| panic!("{latitude} {azimuth:?}"));
         let psd = r.conditions.drift_psd;
         let f = r.profile.clone();
         let noise = |cell: usize| Vector3::from(scaled(scale).map(|d| psd - 1.0 / (d * f[cell])));
@@ -259,9 +313,10 @@ fn cells_of_several_periods_majorise_too() {
 fn trace_information(r: &Recursion, times: &[f64]) -> f64 {
     let down = Vector3::new(0.0, -1.0 / 3.0_f64.sqrt(), 0.0);
     let covariance = dense(r, times, 0.0, |_| Vector3::repeat(r.conditions.drift_psd));
-    let seen = nalgebra::DVector::from_fn(2 * times.len(), |i, _| {
-        let drifted = r.conditions.dynamics.integral(times[i / 2]) * down;
-        drifted[[NORTH, EAST][i % 2]]
+    let axes = measured(&r.conditions);
+    let seen = nalgebra::DVector::from_fn(axes.len() * times.len(), |i, _| {
+        let drifted = r.conditions.dynamics.integral(times[i / axes.len()]) * down;
+        drifted[axes[i % axes.len()].0]
     });
     seen.dot(&covariance.cholesky().unwrap().solve(&seen))
 }
@@ -279,7 +334,7 @@ fn one_channel(r: &Recursion, times: &[f64], delta: f64) -> DMatrix<f64> {
     };
     DMatrix::from_fn(times.len(), times.len(), |k, l| {
         let noise = if k == l {
-            r.conditions.noise_variance
+            r.conditions.least_variance()
         } else {
             0.0
         };
@@ -291,19 +346,22 @@ fn one_channel(r: &Recursion, times: &[f64], delta: f64) -> DMatrix<f64> {
 #[test]
 fn the_isotropic_recursion_majorises_one_channel() {
     let mut numbers = Numbers(3);
-    let platform = platform(|c| {
-        c.filter.period_s = 20.0;
-        c.motion.repositioning = Repositioning::FrameHold;
-    });
-    let r = recursion(&platform, 1500.0);
-    let bounded = rms_majorant(&platform, 1500.0);
-    assert_eq!(bounded.kind, Majorant::Isotropic);
-    let delta = bounded.delta[0];
-    assert!(isotropic_holds(&r, delta) && !isotropic_holds(&r, 0.99 * delta));
-    for _ in 0..25 {
-        let times = admissible_times(&mut numbers, 20.0, 1500.0);
-        let covariance = one_channel(&r, &times, delta);
-        assert!(least_eigenvalue(&covariance) > 0.0);
+    for azimuth in [None, Some(0.7), Some(30.0)] {
+        let platform = platform(|c| {
+            c.filter.period_s = 20.0;
+            c.motion.repositioning = Repositioning::FrameHold;
+            c.azimuth.noise_arcsec = azimuth;
+        });
+        let bounded = rms_majorant(&platform, 1500.0);
+        assert_eq!(bounded.kind, Majorant::Isotropic);
+        let r = recursion_of(&platform, 1500.0, &bounded);
+        let delta = bounded.delta[0];
+        assert!(isotropic_holds(&r, delta) && !isotropic_holds(&r, 0.99 * delta));
+        for _ in 0..25 {
+            let times = admissible_times(&mut numbers, 20.0, 1500.0);
+            let covariance = one_channel(&r, &times, delta);
+            assert!(least_eigenvalue(&covariance) > 0.0);
+        }
     }
 }
 
@@ -312,22 +370,55 @@ fn the_isotropic_recursion_majorises_one_channel() {
 #[test]
 fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
     let mut numbers = Numbers(4);
-    for (latitude, frame_hold) in [(28.2, false), (-80.0, false), (28.2, true)] {
-        let platform = platform(|c| {
-            c.site.latitude_deg = latitude;
-            if frame_hold {
-                c.motion.repositioning = Repositioning::FrameHold;
-            }
-        });
+    type Change = fn(&mut PlatformConfig);
+    let cases: [(&str, Change); 8] = [
+        ("default", |_| {}),
+        ("-80", |c| c.site.latitude_deg = -80.0),
+        ("frame-hold", |c| {
+            c.motion.repositioning = Repositioning::FrameHold
+        }),
+        ("azimuth", |c| c.azimuth.noise_arcsec = Some(5.0)),
+        ("good azimuth", |c| {
+            c.azimuth.noise_arcsec = Some(0.5);
+            c.site.latitude_deg = 55.0;
+        }),
+        ("azimuth at a pole", |c| {
+            c.azimuth.noise_arcsec = Some(20.0);
+            c.site.latitude_deg = 90.0;
+        }),
+        ("mounting and azimuth in frame-hold", |c| {
+            c.azimuth.noise_arcsec = Some(1.0);
+            c.gyro.output_axis = another_mounting();
+            c.motion.repositioning = Repositioning::FrameHold;
+        }),
+        ("everything", |c| {
+            c.azimuth.noise_arcsec = Some(5.0);
+            c.gyro.output_axis = another_mounting();
+            let errors = &mut c.errors.estimated;
+            errors.torquer_scale_factor_ppm = Some(AxisValue::All(1000.0));
+            errors.torquer_misalignment_arcsec = Some(AxisValue::All(60.0));
+            errors.quadratic_drift_deg_per_h_per_g2 = Some(AxisValue::All(0.1));
+            errors.accelerometer_bias_ug = Some(AxisValue::All(100.0));
+            c.errors.considered.accelerometer_scale_factor_ppm = Some(AxisValue::All(3.0));
+        }),
+    ];
+    for (name, change) in cases {
+        let platform = platform(change);
         let total = 3000.0;
         let conditions = Conditions::new(&platform);
-        let r = recursion(&platform, total);
         let bounded = rms_majorant(&platform, total);
+        let r = recursion_of(&platform, total, &bounded);
         let model = CovarianceModel::new(&platform);
         let everything = Directions::unlimited();
         let trace = bounded.trace_information.and(conditions.trace_direction());
         let prior = conditions.decoupled_prior_information();
-        let space = Space::new(&everything, bounded, &prior, trace.as_ref());
+        let space = Space::new(
+            &everything,
+            bounded,
+            &prior,
+            trace.as_ref(),
+            conditions.mixing.as_ref(),
+        );
         for _ in 0..10 {
             let mut dwells: Vec<f64> = (0..8).map(|_| numbers.between(0.2, 1.0)).collect();
             let sum: f64 = dwells.iter().sum();
@@ -337,7 +428,7 @@ fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
                 .map(|d| ScheduledPosition::new(numbers.position(), *d))
                 .collect();
             let timeline = Timeline::new(&platform, &Schedule::new(positions).unwrap()).unwrap();
-            let end = model.end_covariance(&timeline, TickRule::Filter).unwrap();
+            let end = model.full_covariance(&timeline).unwrap().end;
             let p = DMatrix::from_fn(12, 12, |i, j| end.coefficients[(i, j)]);
             // The block of P off the trace is S⁻¹.
             let inverse = space.basis.transpose() * p * &space.basis;
@@ -347,7 +438,7 @@ fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
             for leg in timeline.legs() {
                 let share = mass_between(&r, &bounded, start, start + leg.dwell_s);
                 start += leg.dwell_s;
-                let a: DriftMatrix = drift_matrix(&leg.attitude);
+                let a: DriftMatrix = model.drift_matrix(&leg.attitude);
                 let a =
                     DMatrix::from_fn(3, 12, |i, j| (bounded.delta[i] * share).sqrt() * a[(i, j)]);
                 let rows = a * &space.basis;
@@ -359,9 +450,14 @@ fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
                 difference[(i, j)] * scale[i] * scale[j]
             });
             let least = least_eigenvalue(&scaled);
-            assert!(least > -1e-6, "{latitude} {frame_hold}: {least}");
+            assert!(least > -1e-6, "{name}: {least}");
         }
     }
+}
+
+/// Output axes that are none of the paper's, one of them oblique.
+fn another_mounting() -> OutputAxes {
+    serde_json::from_str(r#"{"X": [0.0, 0.6, 0.8], "Y": "+x", "Z": "-y"}"#).unwrap()
 }
 
 fn mass_between(r: &Recursion, bounded: &Bounded, from: f64, to: f64) -> f64 {

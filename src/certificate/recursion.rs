@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::conditions::{Cells, Conditions};
-use super::sampling::Sharing;
+use super::sampling::{Sharing, Variances};
 use crate::attitude::{EAST, NORTH, UP};
 
 /// Smallest innovation variance that counts as positive, relative to the noise.
@@ -58,7 +58,6 @@ impl Recursion {
         let Some(grid_noise) = self.grid_noise(delta, kappa) else {
             return false;
         };
-        let vertical = self.sharing.vertical_noise_ratio();
         let psd = self.conditions.drift_psd;
         let mut transition = Matrix4::identity();
         transition
@@ -83,7 +82,7 @@ impl Recursion {
             } else if !self.cells.measures_at_start() {
                 continue;
             }
-            for (axis, variance) in [(NORTH, noise), (EAST, noise), (UP, noise * vertical)] {
+            for (axis, variance) in in_order(noise) {
                 if variance < f64::INFINITY && !observe(&mut p, axis, variance) {
                     return false;
                 }
@@ -92,21 +91,18 @@ impl Recursion {
         true
     }
 
-    /// Variance of the measurement at each grid point, the start included; none when sharing
+    /// Variances of the measurement at each grid point, the start included; none when sharing
     /// out costs more than there is.
-    fn grid_noise(&self, delta: &[f64; 3], kappa: f64) -> Option<Vec<f64>> {
-        let mut noise = vec![f64::INFINITY; self.cells.count + 1];
+    fn grid_noise(&self, delta: &[f64; 3], kappa: f64) -> Option<Vec<Variances>> {
+        let mut noise = vec![Variances::NONE; self.cells.count + 1];
         for (j, f) in self.profile.iter().enumerate() {
             let inverse = delta.map(|d| (d * f).recip());
             let left = self
                 .sharing
                 .left_over(&self.conditions, &self.cells, &inverse, kappa);
-            let variance = self.sharing.grid_noise(&self.cells, left);
-            if variance.is_nan() || variance <= 0.0 {
-                return None;
-            }
-            noise[j] = variance.min(noise[j]);
-            noise[j + 1] = variance;
+            let variances = self.sharing.grid_noise(&self.cells, left)?;
+            noise[j] = variances.least(noise[j]);
+            noise[j + 1] = variances;
         }
         Some(noise)
     }
@@ -114,7 +110,8 @@ impl Recursion {
     /// An upper bound on the information on the trace, tᵀMt, that any admissible set of
     /// measurement times gives, (°/h)⁻²; infinite when none is found.
     pub fn trace_information(&self) -> f64 {
-        if self.conditions.omega_north == 0.0 {
+        // At a pole nothing turns the vertical drift to where the accelerometers see it.
+        if self.conditions.omega_north == 0.0 && self.conditions.azimuth_variance.is_none() {
             return 0.0;
         }
         let shares = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1];
@@ -134,11 +131,7 @@ impl Recursion {
         let left = self
             .sharing
             .left_over_of_noise(conditions, cells, kappa, share);
-        let noise = self.sharing.grid_noise(&self.cells, left);
-        if noise.is_nan() || noise <= 0.0 {
-            return None;
-        }
-        let vertical = self.sharing.vertical_noise_ratio();
+        let noise = self.sharing.grid_noise(&self.cells, left)?;
         let psd = self.conditions.drift_psd * (1.0 - kappa);
         let step = Matrix3::identity() * (psd * self.cells.length_s);
         let mut p = Matrix3::from_diagonal(&self.conditions.prior_psi);
@@ -151,7 +144,7 @@ impl Recursion {
             } else if !self.cells.measures_at_start() {
                 continue;
             }
-            for (axis, variance) in [(NORTH, noise), (EAST, noise), (UP, noise * vertical)] {
+            for (axis, variance) in in_order(noise) {
                 if variance < f64::INFINITY {
                     let innovation = p[(axis, axis)] + variance;
                     let gain = p.column(axis) / innovation;
@@ -168,6 +161,11 @@ impl Recursion {
             .least_trace_information(conditions, cells, kappa, share);
         Some(bound.max(least))
     }
+}
+
+/// The scalar measurements at a grid point.
+fn in_order(noise: Variances) -> [(usize, f64); 3] {
+    [(NORTH, noise.level), (EAST, noise.level), (UP, noise.up)]
 }
 
 /// One scalar measurement; false when its innovation variance is not positive.
@@ -207,15 +205,16 @@ fn noise_integrals(conditions: &Conditions, length: f64) -> [Matrix3<f64>; 3] {
     out
 }
 
-/// The isotropic test: as if all three axes were measured and every change of position might
-/// turn ψ^n. Nothing then depends on the attitude of n, and one channel stands for three.
+/// The isotropic test: as if all three axes were measured, as well as the best of them, and every
+/// change of position might turn ψ^n. Nothing then depends on the attitude of n, and one channel
+/// stands for three.
 pub(super) fn isotropic_holds(recursion: &Recursion, delta: f64) -> bool {
     let (conditions, cells) = (&recursion.conditions, &recursion.cells);
     let psd = conditions.drift_psd;
     let left = |j: usize| {
         let weight = ((delta * recursion.profile[j]).recip() - psd).max(0.0);
         let spent = cells.per_cell * weight * cells.length_s / 4.0;
-        (conditions.noise_variance - spent) / cells.per_cell
+        (conditions.least_variance() - spent) / cells.per_cell
     };
     // The smallest of the three prior variances: starting from a larger one would leave
     // out information that there is.

@@ -23,6 +23,8 @@ pub enum Remark {
     IsotropicMajorant,
     /// The bound is for an index table whose moves take no time.
     IndexTable,
+    /// The platform has errors, of these groups, that the bound takes as known.
+    TakenAsKnown(Vec<&'static str>),
     /// At a pole the sum of the input-axis coefficients is never seen.
     Pole,
     /// What is known of the shortest time, where that is no number.
@@ -39,6 +41,13 @@ impl fmt::Display for Remark {
             Self::KnownBefore(known) => return known.fmt(f),
             Self::Time(time) => return time.fmt(f),
             Self::NoBound(e) => return write!(f, "no bound here, because {e}"),
+            Self::TakenAsKnown(groups) => {
+                return write!(
+                    f,
+                    "these errors are taken as known exactly, which can only lower the bound: {}",
+                    groups.join(", ")
+                );
+            }
             Self::PriorItself => {
                 "nothing is measured in so short a test: the bound is the prior itself"
             }

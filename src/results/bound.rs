@@ -55,6 +55,10 @@ pub struct BoundDocument {
     pub delta: Option<DeltaRecord>,
     /// Bound on the information on (D_IX + D_IY + D_IZ)/√3, (°/h)⁻²; null: not treated apart.
     pub trace_information_h2_per_deg2: Option<f64>,
+    /// Groups of `[errors]` that the platform has and that the bound takes as known; left out when
+    /// there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub taken_as_known: Vec<String>,
     /// What the bound does not cover, or why it is weak.
     pub remarks: Vec<String>,
     /// The study as resolved.
@@ -111,6 +115,11 @@ impl BoundDocument {
                 z: m.delta[2],
             }),
             trace_information_h2_per_deg2: majorant.and_then(|m| m.trace_information),
+            taken_as_known: bound
+                .taken_as_known
+                .iter()
+                .map(ToString::to_string)
+                .collect(),
             remarks: in_words(&bound.remarks),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
@@ -217,6 +226,7 @@ impl CertificateRecord {
             Ok(other) => (seconds(other), vec![Remark::Time(other)]),
             Err(e) => (None, vec![Remark::NoBound(e)]),
         };
+        remarks.extend(certifier.taken_as_known());
         if !meets {
             remarks.push(Remark::SpecificationMissed);
         }

@@ -139,7 +139,7 @@ fn the_fast_route_agrees_to_1e_6() {
 }
 
 /// A platform with some of the errors, each estimated or considered, in some mounting.
-fn random_platform(random: &mut Random) -> PlatformConfig {
+pub fn random_platform(random: &mut Random) -> PlatformConfig {
     const GROUPS: [(&str, f64); 11] = [
         ("torquer_scale_factor_ppm", 1000.0),
         ("torquer_misalignment_arcsec", 60.0),

@@ -71,6 +71,13 @@ fn criteria() -> Vec<Criterion> {
         Criterion::E,
         Criterion::max_ratio(spec),
         Criterion::max_ratio(CoefficientVector::repeat(0.01)),
+        // An attitude error about three axes.
+        Criterion::Use {
+            weight: {
+                let l = DMatrix::from_fn(3, COEFFICIENTS, |i, j| ((5 * i + 3 * j) as f64).sin());
+                l.transpose() * l
+            },
+        },
     ]
 }
 
@@ -80,7 +87,9 @@ fn bracket(problem: &Problem<'_>, criterion: &Criterion) -> Bracket {
         Criterion::A { weights, .. } => problem.weighted_variance(weights).unwrap(),
         Criterion::D => problem.log_determinant().unwrap(),
         Criterion::E => problem.worst_variance().unwrap(),
-        Criterion::Use { .. } => panic!("not one of the criteria here"),
+        Criterion::Use { weight } => problem
+            .weighted_by(&super::super::weight_root(weight))
+            .unwrap(),
         Criterion::MaxRatio { spec_deg_per_h, .. } => problem.worst_ratio(spec_deg_per_h).unwrap(),
     }
 }

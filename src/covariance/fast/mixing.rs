@@ -113,9 +113,13 @@ type Known<'a> = (&'a [Effect], f64);
 
 impl Mixing {
     /// Of all parameters of `errors`, those at `seen` seen by figures of merit besides the twelve
-    /// coefficients; none if no shape has all their features. Parameters that are known exactly are
-    /// left out, but for those that are seen.
-    pub fn new(errors: &ErrorModel, seen: &[usize]) -> Option<Self> {
+    /// coefficients, on the smallest shape that has all their features. Parameters that are known exactly
+    /// are left out, but for those that are seen.
+    #[allow(
+        clippy::expect_used,
+        reason = "the catalogue has the features of every family, which a test shows"
+    )]
+    pub fn new(errors: &ErrorModel, seen: &[usize]) -> Self {
         let effects = errors.effects();
         let (mut estimated, mut considered) = (Vec::new(), Vec::new());
         for (i, parameter) in errors.parameters().iter().enumerate().skip(COEFFICIENTS) {
@@ -135,6 +139,7 @@ impl Mixing {
         let all: Vec<Known<'_>> = all.map(known).collect();
         Self::on::<Instruments>(Kind::Instruments, &all, counts)
             .or_else(|| Self::on::<Catalogue>(Kind::Catalogue, &all, counts))
+            .expect("the catalogue has every feature")
     }
 
     fn on<S: Shape>(

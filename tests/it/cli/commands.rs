@@ -562,6 +562,35 @@ fn bound_says_what_it_rests_on() {
     assert!(desk.done(&["bound", "table.toml"]).contains("index table"));
 }
 
+/// Other errors are taken as known, in words and as data; an azimuth reference counts.
+#[test]
+fn bound_covers_the_full_error_model() {
+    let desk = Desk::new();
+    desk.write(
+        "full.toml",
+        "[errors]\ntorquer_scale_factor_ppm = 1000\n[errors.considered]\nlocal_gravity_ug = 5\n\
+         [gyro.output_axis]\nX = \"+y\"\n[azimuth]\nnoise_arcsec = 5\n",
+    );
+    let told = desk.done(&["bound", "full.toml"]);
+    assert!(told.lines().all(|l| l.chars().count() <= 80), "{told}");
+    let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        told.contains("known exactly") && told.contains("torquer_scale_factor_ppm"),
+        "{told}"
+    );
+    let out = desk.done(&["bound", "full.toml", "--json"]);
+    let document: Value = serde_json::from_str(&out).unwrap();
+    let known = &document["taken_as_known"];
+    assert_eq!(known[0], "torquer_scale_factor_ppm");
+    assert_eq!(known[1], "local_gravity_ug");
+    let bound = document["lower_bound"].as_f64().unwrap();
+    assert!(bound > 0.000_46 && bound < 0.000_47);
+    // Nothing of it on the platform of the paper.
+    let plain: Value = serde_json::from_str(&desk.done(&["bound", "--json"])).unwrap();
+    assert!(plain.get("taken_as_known").is_none());
+    assert_eq!(plain["remarks"].as_array().unwrap().len(), 0);
+}
+
 #[test]
 fn bound_refuses_bad_input() {
     let desk = Desk::new();

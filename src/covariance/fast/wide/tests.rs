@@ -187,7 +187,23 @@ fn largest_angle(gradient: &[LegGradient]) -> f64 {
 fn selections_take_the_smallest_shape() {
     for (kind, selection) in selections() {
         let platform = platform(&selection, &json!({}));
-        assert_eq!(Mixing::new(platform.errors(), &[]).unwrap().kind, kind);
+        assert_eq!(Mixing::new(platform.errors(), &[]).kind, kind);
+    }
+}
+
+/// Every parameter that there is, in whatever mounting.
+#[test]
+fn the_catalogue_has_every_feature() {
+    let mut errors = serde_json::Map::new();
+    for group in crate::model::optional_groups() {
+        errors.insert(group.key.to_owned(), 1.0.into());
+    }
+    let oblique = &selections()[1].1["gyro"];
+    for gyro in [&json!({}), oblique] {
+        let platform = platform(&json!({ "errors": errors, "gyro": gyro }), &json!({}));
+        let mixing = Mixing::new(platform.errors(), &[]);
+        assert_eq!(mixing.kind, Kind::Catalogue);
+        assert_eq!(mixing.size(), platform.errors().parameters().len());
     }
 }
 
