@@ -30,6 +30,7 @@ pub(crate) mod real;
 mod root;
 mod rows;
 pub(crate) mod selection;
+pub(crate) mod signatures;
 mod small;
 mod triangle;
 mod twelve;

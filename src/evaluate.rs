@@ -43,6 +43,7 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
 use crate::observability::log_separability::LogSeparability;
+use crate::observability::named::{NamedObservability, PrincipalDrift, principal_drift};
 use crate::observability::parameters::of_parameters;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
@@ -137,6 +138,10 @@ pub struct Evaluation {
     pub score: Score,
     /// Orders, separability, unobservable combinations.
     pub observability: Observability,
+    /// What cannot be told apart over all estimated parameters; none: it cannot be worked out.
+    pub named: Option<NamedObservability>,
+    /// What is known worst of all drift by gravity, with quadratic terms.
+    pub principal_drift: Vec<PrincipalDrift>,
     /// σ against time.
     pub convergence: ConvergenceHistory,
     /// Largest relative difference of a σ between kernels and square-root filter.
@@ -279,6 +284,9 @@ impl Evaluator {
         let observability = Observability::analyze(&self.model, &timeline)?;
         let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
         let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
+        let named = NamedObservability::of(&self.platform, &self.model, &timeline);
+        let vertical = named.as_ref().map_or(&[][..], |named| &named.vertical);
+        let principal_drift = principal_drift(&self.model.errors, &full.parameters, vertical);
         let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
@@ -289,6 +297,8 @@ impl Evaluator {
             budget,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
+            named,
+            principal_drift,
             convergence,
             agreement,
             precision,

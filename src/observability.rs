@@ -29,6 +29,7 @@ pub mod advice;
 pub mod classical;
 pub(crate) mod combinations;
 pub(crate) mod log_separability;
+pub mod named;
 pub mod nearly;
 mod order;
 pub mod parameters;
@@ -37,6 +38,7 @@ pub(crate) mod row_space;
 pub mod separability;
 mod singular;
 pub mod solution;
+mod sparse;
 pub mod weak;
 
 use crate::covariance::CovarianceModel;
