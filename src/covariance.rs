@@ -180,6 +180,14 @@ impl CovarianceModel {
         measured
     }
 
+    /// The components of ψ^n that are measured: North and East by Z, Up where the azimuth is.
+    pub(crate) fn measured_axes(&self) -> impl Iterator<Item = usize> {
+        let measured = self.measured_variance();
+        [NORTH, EAST, UP]
+            .into_iter()
+            .filter(move |&axis| measured[axis].is_some())
+    }
+
     /// ω_N, rad/s.
     pub(crate) fn omega_north(&self) -> f64 {
         // F_{zy} = −ω_N, from ψ̇_z = ω_U ψ_x − ω_N ψ_y + ε_z (10).

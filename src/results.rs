@@ -15,6 +15,7 @@ mod counters;
 mod evaluation;
 mod json;
 mod layout;
+mod named;
 mod parameters;
 mod result;
 #[cfg(feature = "schema")]
@@ -39,6 +40,10 @@ pub use evaluation::{
     CoefficientRecord, ConvergenceRecord, DisagreementRecord, EVALUATION_SCHEMA,
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,
     PrecisionRecord, ScoreRecord, ScoreWeights,
+};
+pub use named::{
+    AdditionRecord, AdditionsRecord, CombinationRecord, CombinationTermRecord, NamedObservabilityRecord,
+    PriorFloorRecord, RemarkRecord, UnobservedRecord, WeakNamedRecord, WorstDriftRecord,
 };
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{

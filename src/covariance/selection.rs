@@ -340,6 +340,10 @@ impl CovarianceModel {
     ///
     /// As [`CovarianceModel::full_covariance`].
     pub(crate) fn truth(&self, timeline: &Timeline) -> Result<FullCovariance> {
+        if self.is_of_the_paper() {
+            let end = self.end_covariance(timeline, TickRule::Filter)?;
+            return Ok(FullCovariance::of_coefficients(end));
+        }
         let found = self.solved_in::<f64>(timeline, Vec::new())?;
         match found.told <= MOST_IN_DOUBLES {
             true => Ok(found.full),

@@ -42,7 +42,7 @@ pub const WEAK: f64 = 0.03;
 /// Parts of a combination below this share of its largest are not written out in its name.
 const WRITTEN: f64 = 0.02;
 /// Parts of a weak combination that are written out.
-const WRITTEN_OF_WEAK: f64 = 0.1;
+const WRITTEN_OF_WEAK: f64 = 0.25;
 /// Most parts that are written out.
 const MOST_WRITTEN: usize = 8;
 /// Most weak combinations.
@@ -72,6 +72,33 @@ pub struct NamedCombination {
     written: f64,
 }
 
+impl NamedCombination {
+    /// As a sum: "D_IIX - D_ISY + D_IOZ".
+    pub fn sum(&self) -> String {
+        let mut text = String::new();
+        for t in self.terms.iter().filter(|t| t.share >= self.written) {
+            text.push_str(match (text.is_empty(), t.weight < 0.0) {
+                (true, false) => "",
+                (true, true) => "-",
+                (false, false) => " + ",
+                (false, true) => " - ",
+            });
+            text.push_str(&t.written());
+        }
+        text
+    }
+}
+
+impl NamedTerm {
+    /// Its size and name; a size of one is not written.
+    fn written(&self) -> String {
+        match self.weight.abs() {
+            size if (size - 1.0).abs() < 5e-4 => self.name.to_owned(),
+            size => format!("{} {}", three_digits(size), self.name),
+        }
+    }
+}
+
 impl fmt::Display for NamedCombination {
     /// "K_1X + K_1Y + K_1Z against G": what has the other sign stands behind "against".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -81,13 +108,9 @@ impl fmt::Display for NamedCombination {
             .filter(|t| t.share >= self.written)
             .take(MOST_WRITTEN)
             .collect();
-        let text = |t: &&NamedTerm| match t.weight.abs() {
-            size if (size - 1.0).abs() < 5e-4 => t.name.to_owned(),
-            size => format!("{} {}", three_digits(size), t.name),
-        };
         let side = |positive: bool| {
             let of_side = written.iter().filter(|t| (t.weight > 0.0) == positive);
-            of_side.map(text).collect::<Vec<String>>().join(" + ")
+            of_side.map(|t| t.written()).collect::<Vec<String>>().join(" + ")
         };
         let (one, other) = (side(true), side(false));
         match (one.is_empty(), other.is_empty()) {
@@ -97,8 +120,8 @@ impl fmt::Display for NamedCombination {
         }
         match self.terms.len() - written.len() {
             0 => Ok(()),
-            1 => f.write_str(" and one more"),
-            more => write!(f, " and {more} more"),
+            1 => f.write_str(" and one part more"),
+            more => write!(f, " and {more} parts more"),
         }
     }
 }
@@ -180,6 +203,9 @@ impl fmt::Display for Remedy {
     }
 }
 
+/// Shares of a prior σ below which nothing worth telling rests on it.
+const RESTS: f64 = 0.1;
+
 /// The least σ that priors alone leave of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PriorFloor {
@@ -189,6 +215,8 @@ pub struct PriorFloor {
     pub unit: &'static str,
     /// What no length of this test takes its σ below.
     pub least_sigma: f64,
+    /// The same beside the σ before the test, 0 to 1.
+    pub share_of_prior: f64,
 }
 
 /// Something that the test does not tell, whatever is known before; its `Display` says what it is and
@@ -211,12 +239,12 @@ impl fmt::Display for Unobserved {
 }
 
 impl Unobserved {
-    /// What its prior alone holds, in words: "T_ZZ 1000 ppm".
+    /// What the priors alone hold, in words: "T_ZZ 1000 ppm"; what rests on them but little is left out.
     pub fn rests_on(&self) -> String {
         let floors: Vec<String> = self
             .rests_on_priors
             .iter()
-            .take(MOST_WRITTEN)
+            .filter(|p| p.share_of_prior >= RESTS)
             .map(|p| format!("{} {} {}", p.name, number(p.least_sigma), p.unit))
             .collect();
         listed(&floors)
@@ -494,7 +522,8 @@ impl Judge<'_> {
         let only_turning = weights
             .iter()
             .all(|(j, _)| turned(*j).is_some() || is_drift(*j));
-        match only_turning && !axes.is_empty() {
+        // Where ψ stays with the platform, no move turns the torquers: they show in tracking alone.
+        match only_turning && !axes.is_empty() && !self.model.frame_hold {
             true => {
                 axes.sort();
                 axes.dedup();
@@ -528,6 +557,7 @@ impl Judge<'_> {
                 name: self.names.name[*j],
                 unit: self.names.unit[*j],
                 least_sigma: w.abs() / sum.sqrt(),
+                share_of_prior: w.abs() / sum.sqrt() / self.names.prior[*j],
             })
             .collect()
     }

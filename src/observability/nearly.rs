@@ -67,7 +67,7 @@ impl Nearly {
         let spaces = [
             (
                 Order::First,
-                &Channel::FIRST[..],
+                regressor.first(),
                 &observability.spaces.first,
             ),
             (Order::Second, &Channel::ALL[..], &observability.spaces.all),
@@ -87,6 +87,7 @@ impl Nearly {
                     ToldQuantity::Coefficient(c) => named.coefficients()[c.index()] != 0.0,
                     ToldQuantity::Combination(other) => other.rounded(NAMED) == named,
                 };
+                // Where all channels are of order 1, the second view is the first again.
                 if !found.iter().any(said) {
                     found.extend(view.combination(combination));
                 }

@@ -149,7 +149,7 @@ fn quadratic_orders(model: &CovarianceModel, timeline: &Timeline) -> Vec<Option<
         let matrix = DMatrix::from_fn(rows.len(), UNKNOWNS + count, |i, j| rows[i][j]);
         Space::of(matrix)
     };
-    let [first, all] = [space(&Channel::FIRST), space(&Channel::ALL)];
+    let [first, all] = [space(regressor.first()), space(&Channel::ALL)];
     (0..count)
         .map(|k| {
             let column = UNKNOWNS + k;

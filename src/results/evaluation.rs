@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::named::NamedObservabilityRecord;
 use super::parameters::{self, BudgetRecord, ParameterRecord};
 use crate::config::StudyConfig;
 use crate::covariance::Precision;
@@ -12,7 +13,6 @@ use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Disagreement, Evaluation, MISALIGNMENT_NAMES, Objective, Score};
-use crate::observability::Observability;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::suspicion::WarningRecord;
@@ -218,6 +218,9 @@ pub struct ObservabilityRecord {
     pub condition_number: Option<f64>,
     /// The combinations that stay unobservable, by name.
     pub unobservable: Vec<String>,
+    /// The same over all estimated parameters, with what would tell them; absent: it cannot be worked out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<NamedObservabilityRecord>,
 }
 
 /// σ against time, and what each position contributed.
@@ -286,7 +289,7 @@ impl EvaluationDocument {
             coefficients: coefficients(evaluation, objective.spec_deg_per_h.as_ref()),
             parameters: parameters::of(evaluation, objective.spec_deg_per_h.as_ref()),
             budget: parameters::budget(evaluation),
-            observability: ObservabilityRecord::from(&evaluation.observability),
+            observability: ObservabilityRecord::new(evaluation),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,
             precision: evaluation.precision.into(),
@@ -358,9 +361,11 @@ fn coefficients(
         .collect()
 }
 
-impl From<&Observability> for ObservabilityRecord {
-    fn from(o: &Observability) -> Self {
+impl ObservabilityRecord {
+    fn new(evaluation: &Evaluation) -> Self {
+        let o = &evaluation.observability;
         Self {
+            parameters: NamedObservabilityRecord::of(evaluation),
             rank: o.rank,
             unknowns: o.unknowns,
             condition_number: finite(o.condition_number),

@@ -1,8 +1,9 @@
 //! The analysis for people: tables and sentences, at most 80 columns wide.
 
+use crate::cli::named;
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::render;
+use crate::cli::table::{self, render};
 use crate::drift::DriftCoefficient;
 use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
@@ -46,8 +47,35 @@ pub(super) fn analysis(document: &AnalysisDocument) -> String {
         classical(document),
         "\nWhat to add\n\n".to_owned(),
         advice(document),
+        of_all_parameters(document),
     ]
     .concat()
+}
+
+/// What there is beyond the twelve coefficients in the paper's mounting; empty where nothing is.
+fn of_all_parameters(document: &AnalysisDocument) -> String {
+    let others = &document.parameters[document.coefficients.len()..];
+    if others.is_empty() && document.remarks.is_empty() && document.additions.is_none() {
+        return String::new();
+    }
+    let mut text = "\nAll parameters of the platform\n".to_owned();
+    if !others.is_empty() {
+        text.push_str(&table::parameters(others));
+    }
+    if let Some(named) = &document.observability.parameters {
+        text.push('\n');
+        text.push_str(&named::unobservable(named));
+        text.push_str(&named::weak(named));
+    }
+    for remark in &document.remarks {
+        text.push('\n');
+        text.push_str(&wrap(&remark.words));
+    }
+    if let Some(additions) = &document.additions {
+        text.push('\n');
+        text.push_str(&named::additions(additions));
+    }
+    text
 }
 
 fn order(order: Option<Order>) -> String {
