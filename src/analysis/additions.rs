@@ -2,7 +2,7 @@
 //! coefficients most.
 //!
 //! Errors of the torquers show in slews alone, those of the accelerometers in attitudes. So both are
-//! tried: a position held for the mean dwell of the schedule, and a turn of one gimbal at a finite rate,
+//! tried: one position or two held for the mean dwell of the schedule, and a turn of one gimbal at a finite rate,
 //! from where the schedule ends or from an attitude in which the gimbal's axis lies along an axis of the
 //! platform. Each is rated by the exact chain, [`CovarianceModel::truth`], of the schedule with it: by the
 //! σ, geometric mean, of what the schedule does not tell, or else by the criterion. What the same time
@@ -178,8 +178,11 @@ impl fmt::Display for Addition {
                     held(last)
                 )?;
             }
-            (None, [.., last]) => write!(f, "hold {}", held(last))?,
-            (_, []) => f.write_str("nothing")?,
+            (None, positions) => {
+                let all: Vec<String> = positions.iter().map(held).collect();
+                write!(f, "hold {}", all.join(", then "))?;
+            }
+            (Some(_), []) => f.write_str("nothing")?,
         }
         let helps: Vec<String> = self
             .helps
@@ -355,7 +358,7 @@ impl<'a> Search<'a> {
         let better = |rating: f64, best: &Option<(f64, [i64; 3])>| {
             best.is_none_or(|(least, _)| gains(-rating, -least))
         };
-        for (rating, at) in rated.into_iter().zip(grid) {
+        for (rating, &at) in rated.into_iter().zip(&grid) {
             if let Some(rating) = rating
                 && better(rating, &best)
             {
@@ -390,7 +393,36 @@ impl<'a> Search<'a> {
             positions: vec![position(at)],
             turn: None,
         });
-        (found, examined)
+        let second: Vec<ScheduledPosition> = grid.into_iter().map(position).collect();
+        examined += second.len();
+        (found.map(|first| self.better_of_two(first, &second)), examined)
+    }
+
+    /// A position, or in the same time that and one of `second`, where it is better: a turn has two
+    /// attitudes as well.
+    fn better_of_two(&self, first: Found, second: &[ScheduledPosition]) -> Found {
+        let period = self.evaluator.platform().period_s();
+        let dwell_s = (0.5 * self.dwell_s / period).round().max(3.0) * period;
+        let both = |p: &ScheduledPosition| {
+            [first.positions[0], *p].map(|p| ScheduledPosition { dwell_s, ..p })
+        };
+        let rated: Vec<Option<f64>> = second.par_iter().map(|p| self.rated(&both(p))).collect();
+        let mut best = (first.rating, None);
+        for (rating, p) in rated.into_iter().zip(second) {
+            if let Some(rating) = rating
+                && gains(-rating, -best.0)
+            {
+                best = (rating, Some(both(p)));
+            }
+        }
+        match best {
+            (rating, Some(positions)) => Found {
+                rating,
+                positions: positions.to_vec(),
+                turn: None,
+            },
+            _ => first,
+        }
     }
 
     /// The best turn and how many were tried.

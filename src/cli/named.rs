@@ -43,7 +43,8 @@ pub(super) fn unobservable(named: &NamedObservabilityRecord) -> String {
     let (readable, long): (Vec<&UnobservedRecord>, Vec<_>) =
         combined.into_iter().partition(|u| u.terms.len() <= READABLE);
     for u in readable.iter().take(WRITTEN) {
-        text.push_str(&wrap(&format!("- {}.{}", u.words, rests(u))));
+        let UnobservedRecord { words, rests_on, .. } = u;
+        text.push_str(&wrap(&format!("- {words}. Sigma stays at least {rests_on}.")));
     }
     if readable.len() > WRITTEN {
         let more = readable.len() - WRITTEN;
@@ -71,22 +72,6 @@ fn different<'a>(all: &[&'a UnobservedRecord]) -> Vec<&'a Remedy> {
         }
     }
     remedies
-}
-
-/// What no length of the test takes below what the priors leave.
-fn rests(u: &UnobservedRecord) -> String {
-    /// What rests on a prior by less is not worth a word.
-    const SHARE: f64 = 0.1;
-    let floors: Vec<String> = u
-        .rests_on_priors
-        .iter()
-        .filter(|p| p.share_of_prior >= SHARE)
-        .map(|p| format!("{} {} {}", p.name, number(p.least_sigma), p.unit))
-        .collect();
-    match floors.is_empty() {
-        true => String::new(),
-        false => format!(" Sigma stays at least {}.", listed(&floors)),
-    }
 }
 
 /// What hardly shows.
@@ -146,7 +131,7 @@ pub(super) fn additions(additions: &AdditionsRecord) -> String {
 
 fn by(what: &str, a: &AdditionRecord) -> String {
     format!(
-        "{what} ({} times smaller; criterion {}, the time alone {})",
+        "{what} ({} times smaller by it; criterion {}, the time alone {})",
         number(a.factor),
         number(a.criterion),
         number(a.criterion_same_time)

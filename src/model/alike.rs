@@ -95,6 +95,20 @@ impl ErrorModel {
         effects.iter().map(|of| of.iter().all(by_gravity)).collect()
     }
 
+    /// What the parameters `of` do at 1 g at many attitudes, a column each: those of one null vector are
+    /// alike at 1 g. What follows the commanded rate has none.
+    pub(crate) fn at_one_g(&self, of: &[usize]) -> DMatrix<f64> {
+        let effects = self.effects();
+        let mut all = DMatrix::zeros(6 * DIRECTIONS, of.len());
+        for (k, u) in directions().enumerate() {
+            for (column, &j) in of.iter().enumerate() {
+                let output = output(&effects[j], &u);
+                all.view_mut((6 * k, column), (6, 1)).copy_from_slice(&output);
+            }
+        }
+        all
+    }
+
     /// The horizontal parts and the whole of the drift of the parameters `of` at many attitudes: where
     /// the former vanishes and the latter does not, a sum of them is a drift along the vertical.
     pub(crate) fn horizontal_and_whole(&self, of: &[usize]) -> [DMatrix<f64>; 2] {

@@ -76,7 +76,7 @@ impl NamedCombination {
     /// As a sum: "D_IIX - D_ISY + D_IOZ".
     pub fn sum(&self) -> String {
         let mut text = String::new();
-        for t in self.terms.iter().filter(|t| t.share >= self.written) {
+        for t in self.named_terms() {
             text.push_str(match (text.is_empty(), t.weight < 0.0) {
                 (true, false) => "",
                 (true, true) => "-",
@@ -86,6 +86,20 @@ impl NamedCombination {
             text.push_str(&t.written());
         }
         text
+    }
+
+    /// The terms in its name: the largest, in the order of the parameters.
+    fn named_terms(&self) -> Vec<&NamedTerm> {
+        let mut large: Vec<(usize, &NamedTerm)> = self
+            .terms
+            .iter()
+            .enumerate()
+            .filter(|(_, t)| t.share >= self.written)
+            .collect();
+        large.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
+        large.truncate(MOST_WRITTEN);
+        large.sort_by_key(|(k, _)| *k);
+        large.into_iter().map(|(_, t)| t).collect()
     }
 }
 
@@ -102,12 +116,7 @@ impl NamedTerm {
 impl fmt::Display for NamedCombination {
     /// "K_1X + K_1Y + K_1Z against G": what has the other sign stands behind "against".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let written: Vec<&NamedTerm> = self
-            .terms
-            .iter()
-            .filter(|t| t.share >= self.written)
-            .take(MOST_WRITTEN)
-            .collect();
+        let written = self.named_terms();
         let side = |positive: bool| {
             let of_side = written.iter().filter(|t| (t.weight > 0.0) == positive);
             of_side.map(|t| t.written()).collect::<Vec<String>>().join(" + ")
@@ -239,12 +248,13 @@ impl fmt::Display for Unobserved {
 }
 
 impl Unobserved {
-    /// What the priors alone hold, in words: "T_ZZ 1000 ppm"; what rests on them but little is left out.
+    /// What the priors alone hold, in words: "T_ZZ 1000 ppm". What rests on them but little is left out,
+    /// unless it is drift, where little may be much.
     pub fn rests_on(&self) -> String {
         let floors: Vec<String> = self
             .rests_on_priors
             .iter()
-            .filter(|p| p.share_of_prior >= RESTS)
+            .filter(|p| p.share_of_prior >= RESTS || p.unit.starts_with("deg/h"))
             .map(|p| format!("{} {} {}", p.name, number(p.least_sigma), p.unit))
             .collect();
         listed(&floors)
@@ -299,9 +309,17 @@ impl NamedObservability {
                 stand: positions_all_over(platform).and_then(|t| model.signatures(&t).ok()),
             };
             let families: Vec<usize> = split.open.iter().map(|&j| names.family[j]).collect();
-            let known = DMatrix::zeros(open, 0);
+            // What no schedule at 1 g can tell comes first, so that it is not hidden in what this one
+            // leaves out besides.
+            let alike = alike_at_one_g(&model.errors, &split.open, &families);
+            let known = judge.in_signatures(&signatures, &split.open, &alike);
+            for combination in alike {
+                unobserved.push(judge.judged(combination));
+            }
             for vector in sparse_basis(&split.null, &known, &families) {
-                unobserved.push(judge.unobserved(&signatures, &split.open, &vector));
+                let combination =
+                    names.combination(&split.open, &signatures.lengths, &vector, WRITTEN);
+                unobserved.push(judge.judged(combination));
             }
         }
         Some(Self {
@@ -466,25 +484,54 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    fn unobserved(
-        &self,
-        signatures: &Signatures,
-        open: &[usize],
-        vector: &DVector<f64>,
-    ) -> Unobserved {
-        let combination = self
-            .names
-            .combination(open, &signatures.lengths, vector, WRITTEN);
-        let weights: Vec<(usize, f64)> = combination
-            .terms
-            .iter()
-            .filter_map(|t| Some((self.names.name.iter().position(|n| *n == t.name)?, t.weight)))
-            .collect();
+    fn judged(&self, combination: NamedCombination) -> Unobserved {
+        let weights = self.weights(&combination);
         Unobserved {
             remedy: self.remedy(&weights),
             rests_on_priors: self.floors(&weights),
             combination,
         }
+    }
+
+    /// The unknowns in a combination, by index.
+    fn weights(&self, combination: &NamedCombination) -> Vec<(usize, f64)> {
+        let at = |t: &NamedTerm| self.names.name.iter().position(|n| *n == t.name);
+        let terms = combination.terms.iter();
+        terms.filter_map(|t| Some((at(t)?, t.weight))).collect()
+    }
+
+    /// An orthonormal basis of combinations in signatures of length one.
+    fn in_signatures(
+        &self,
+        signatures: &Signatures,
+        open: &[usize],
+        combinations: &[NamedCombination],
+    ) -> DMatrix<f64> {
+        let mut basis: Vec<DVector<f64>> = Vec::new();
+        for combination in combinations {
+            let weights = self.weights(combination);
+            let longest = weights
+                .iter()
+                .map(|(j, w)| w.abs() * signatures.lengths[*j])
+                .fold(0.0, f64::max);
+            let mut vector = DVector::zeros(open.len());
+            for (j, weight) in weights {
+                // What shows nothing counts as much as the rest.
+                let part = match signatures.lengths[j] > 0.0 {
+                    true => weight * signatures.lengths[j],
+                    false if longest > 0.0 => weight.signum() * longest,
+                    false => weight,
+                };
+                if let Some(k) = open.iter().position(|&o| o == j) {
+                    vector[k] = part;
+                }
+            }
+            let rest = basis
+                .iter()
+                .fold(vector.clone(), |rest, b| rest - b * b.dot(&vector));
+            basis.push(rest.normalize());
+        }
+        DMatrix::from_fn(open.len(), basis.len(), |j, k| basis[k][j])
     }
 
     fn remedy(&self, weights: &[(usize, f64)]) -> Remedy {
@@ -596,6 +643,45 @@ fn positions_all_over(platform: &Platform) -> Option<Timeline> {
     Timeline::new(platform, &Schedule::new(held.collect()).ok()?).ok()
 }
 
+/// Sums of open parameters that are nothing at 1 g, whatever the attitude.
+fn alike_at_one_g(
+    errors: &ErrorModel,
+    open: &[usize],
+    families: &[usize],
+) -> Vec<NamedCombination> {
+    let estimated = &errors.parameters()[..errors.estimated()];
+    let effects = errors.effects();
+    let turns = |j: usize| effects[j].iter().any(|e| e.feature.is_rate());
+    let (of, families): (Vec<usize>, Vec<usize>) = open
+        .iter()
+        .zip(families)
+        .filter(|(j, _)| **j < estimated.len() && !turns(**j))
+        .map(|(j, family)| (*j, *family))
+        .unzip();
+    let mut functions = errors.at_one_g(&of);
+    let sizes: Vec<f64> = functions.column_iter().map(|c| c.norm()).collect();
+    for (mut column, size) in functions.column_iter_mut().zip(&sizes) {
+        column /= *size;
+    }
+    let none = DMatrix::zeros(of.len(), 0);
+    sparse_basis(&null_space(&functions), &none, &families)
+        .iter()
+        .map(|vector| {
+            let weights = DVector::from_fn(of.len(), |k, _| vector[k] / sizes[k]);
+            of_parameters(estimated, &of, &weights, WRITTEN)
+        })
+        .collect()
+}
+
+/// An orthonormal basis of what a matrix takes to nothing.
+fn null_space(m: &DMatrix<f64>) -> DMatrix<f64> {
+    let width = m.ncols();
+    let svd = Singular::of(m.nrows(), width, |i, j| m[(i, j)]);
+    let largest = svd.values.first().copied().unwrap_or(0.0);
+    let rank = svd.values.iter().filter(|v| **v > UNSEEN * largest).count();
+    DMatrix::from_fn(width, width - rank, |j, k| svd.vector(rank + k, j))
+}
+
 /// Sums of drift parameters that are drift along the vertical at every attitude, ε(u) = λ(u) u, and not
 /// nothing.
 pub(crate) fn vertical(errors: &ErrorModel) -> Vec<NamedCombination> {
@@ -603,20 +689,14 @@ pub(crate) fn vertical(errors: &ErrorModel) -> Vec<NamedCombination> {
     let by_gravity = errors.drifts_by_gravity();
     let of: Vec<usize> = (0..estimated.len()).filter(|&j| by_gravity[j]).collect();
     let [horizontal, whole] = errors.horizontal_and_whole(&of);
-    let missing = |m: &DMatrix<f64>| {
-        let svd = Singular::of(m.nrows(), of.len(), |i, j| m[(i, j)]);
-        let rank = svd.values.iter().filter(|v| **v > UNSEEN * svd.values[0]);
-        let rank = rank.count();
-        DMatrix::from_fn(of.len(), of.len() - rank, |j, k| svd.vector(rank + k, j))
-    };
     // What is nothing at 1 g is no drift along the vertical.
-    let nothing = missing(&whole);
-    let basis = missing(&horizontal);
+    let nothing = null_space(&whole);
+    let basis = null_space(&horizontal);
     let group = |j: usize| estimated.iter().position(|p| p.group == estimated[j].group);
     let groups: Vec<usize> = of.iter().filter_map(|&j| group(j)).collect();
     sparse_basis(&basis, &nothing, &groups)
         .iter()
-        .map(|vector| of_drift(estimated, &of, vector, WRITTEN))
+        .map(|vector| of_parameters(estimated, &of, vector, WRITTEN))
         .collect()
 }
 
@@ -668,14 +748,14 @@ pub(crate) fn principal_drift(
         PrincipalDrift {
             sigma: eigen.eigenvalues[k].max(0.0).sqrt(),
             vertical: along.sqrt().min(1.0),
-            combination: of_drift(estimated, &of, &vector, WRITTEN_OF_WEAK),
+            combination: of_parameters(estimated, &of, &vector, WRITTEN_OF_WEAK),
         }
     };
     order.iter().take(MOST).map(principal).collect()
 }
 
-/// Drift parameters `of` the estimated ones by these weights.
-fn of_drift(
+/// Parameters `of` the estimated ones by these weights, shares in one unit of each.
+fn of_parameters(
     estimated: &[Parameter],
     of: &[usize],
     vector: &DVector<f64>,

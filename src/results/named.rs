@@ -75,6 +75,8 @@ pub struct UnobservedRecord {
     pub words: String,
     /// What rests on the priors alone.
     pub rests_on_priors: Vec<PriorFloorRecord>,
+    /// The same in words, what is little left out.
+    pub rests_on: String,
 }
 
 /// The least σ that priors alone leave of a parameter.
@@ -218,6 +220,7 @@ impl From<&Unobserved> for UnobservedRecord {
             remedy: u.remedy.clone(),
             words: u.to_string(),
             rests_on_priors: floors.collect(),
+            rests_on: u.rests_on(),
         }
     }
 }

@@ -28,6 +28,7 @@ const WEAKEST: usize = 4;
 /// The whole report.
 pub(super) fn analysis(document: &AnalysisDocument) -> String {
     [
+        of_what(document),
         "States: highest derivative of Z in their solution (- : not observable)\n\n".to_owned(),
         states(document),
         "\nCoefficients\n\n".to_owned(),
@@ -52,12 +53,32 @@ pub(super) fn analysis(document: &AnalysisDocument) -> String {
     .concat()
 }
 
+/// Whether there is more than the twelve coefficients in the paper's mounting.
+fn has_more(document: &AnalysisDocument) -> bool {
+    document.parameters.len() > document.coefficients.len()
+        || !document.remarks.is_empty()
+        || document.additions.is_some()
+}
+
+/// What the tables are of, where that is not all.
+fn of_what(document: &AnalysisDocument) -> String {
+    match document.parameters.len() > document.coefficients.len() {
+        true => {
+            wrap(
+                "First the twelve drift coefficients by themselves, everything else known (but in \
+                 sigma); all parameters of the platform are at the end.",
+            ) + "\n"
+        }
+        false => String::new(),
+    }
+}
+
 /// What there is beyond the twelve coefficients in the paper's mounting; empty where nothing is.
 fn of_all_parameters(document: &AnalysisDocument) -> String {
-    let others = &document.parameters[document.coefficients.len()..];
-    if others.is_empty() && document.remarks.is_empty() && document.additions.is_none() {
+    if !has_more(document) {
         return String::new();
     }
+    let others = &document.parameters[document.coefficients.len()..];
     let mut text = "\nAll parameters of the platform\n".to_owned();
     if !others.is_empty() {
         text.push_str(&table::parameters(others));
