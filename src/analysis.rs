@@ -398,7 +398,10 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalys
             let shows = |t: &&&crate::observability::regressor::TaggedRow| {
                 counts(t.row[c.index()].abs(), 1.0)
             };
-            let orders = held.iter().filter(shows).map(|t| regressor.order(t.channel));
+            let orders = held
+                .iter()
+                .filter(shows)
+                .map(|t| regressor.order(t.channel));
             orders.min()
         };
         all.push(PositionAnalysis {

@@ -42,8 +42,9 @@ pub use evaluation::{
     PrecisionRecord, ScoreRecord, ScoreWeights,
 };
 pub use named::{
-    AdditionRecord, AdditionsRecord, CombinationRecord, CombinationTermRecord, NamedObservabilityRecord,
-    PriorFloorRecord, RemarkRecord, UnobservedRecord, WeakNamedRecord, WorstDriftRecord,
+    AdditionRecord, AdditionsRecord, CombinationRecord, CombinationTermRecord,
+    NamedObservabilityRecord, PriorFloorRecord, RemarkRecord, UnobservedRecord, WeakNamedRecord,
+    WorstDriftRecord,
 };
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{

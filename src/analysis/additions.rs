@@ -222,9 +222,11 @@ impl Additions {
     /// The better of both.
     pub fn best(&self) -> Option<&Addition> {
         match (&self.position, &self.turn) {
-            (Some(position), Some(turn)) => {
-                Some(if gains(turn.factor, position.factor) { turn } else { position })
-            }
+            (Some(position), Some(turn)) => Some(if gains(turn.factor, position.factor) {
+                turn
+            } else {
+                position
+            }),
             (position, turn) => position.as_ref().or(turn.as_ref()),
         }
     }
@@ -277,9 +279,8 @@ impl<'a> Search<'a> {
     fn new(evaluator: &'a Evaluator, schedule: &'a Schedule, evaluation: &'a Evaluation) -> Self {
         let parameters = &evaluation.parameters;
         let unobserved = evaluation.named.iter().flat_map(|n| &n.unobserved);
-        let can_be_told = unobserved.filter(|u| {
-            matches!(u.remedy, Remedy::Slews { .. } | Remedy::OtherPositions)
-        });
+        let can_be_told = unobserved
+            .filter(|u| matches!(u.remedy, Remedy::Slews { .. } | Remedy::OtherPositions));
         let names: Vec<&str> = can_be_told
             .flat_map(|u| &u.rests_on_priors)
             .filter(|p| p.share_of_prior > 0.5)
@@ -395,7 +396,10 @@ impl<'a> Search<'a> {
         });
         let second: Vec<ScheduledPosition> = grid.into_iter().map(position).collect();
         examined += second.len();
-        (found.map(|first| self.better_of_two(first, &second)), examined)
+        (
+            found.map(|first| self.better_of_two(first, &second)),
+            examined,
+        )
     }
 
     /// A position, or in the same time that and one of `second`, where it is better: a turn has two

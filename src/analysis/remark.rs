@@ -38,7 +38,11 @@ impl Remark {
         let mut remarks = Vec::new();
         let azimuth_measured = model.azimuth_variance.is_some();
         if azimuth_measured {
-            let input = [DriftCoefficient::IX, DriftCoefficient::IY, DriftCoefficient::IZ];
+            let input = [
+                DriftCoefficient::IX,
+                DriftCoefficient::IY,
+                DriftCoefficient::IZ,
+            ];
             let order = |c: DriftCoefficient| evaluation.observability.orders[c.index()];
             remarks.push(Self::AzimuthMeasured {
                 input_first: input.into_iter().all(|c| order(c) == Some(Order::First)),

@@ -40,11 +40,16 @@ pub(super) fn unobservable(named: &NamedObservabilityRecord) -> String {
         };
         text.push_str(&wrap(&format!("- {}: {words}.", listed(&names))));
     }
-    let (readable, long): (Vec<&UnobservedRecord>, Vec<_>) =
-        combined.into_iter().partition(|u| u.terms.len() <= READABLE);
+    let (readable, long): (Vec<&UnobservedRecord>, Vec<_>) = combined
+        .into_iter()
+        .partition(|u| u.terms.len() <= READABLE);
     for u in readable.iter().take(WRITTEN) {
-        let UnobservedRecord { words, rests_on, .. } = u;
-        text.push_str(&wrap(&format!("- {words}. Sigma stays at least {rests_on}.")));
+        let UnobservedRecord {
+            words, rests_on, ..
+        } = u;
+        text.push_str(&wrap(&format!(
+            "- {words}. Sigma stays at least {rests_on}."
+        )));
     }
     if readable.len() > WRITTEN {
         let more = readable.len() - WRITTEN;
@@ -84,11 +89,8 @@ pub(super) fn weak(named: &NamedObservabilityRecord) -> String {
         ));
     }
     for w in named.weak.iter().take(WEAKEST) {
-        text.push_str(&wrap(&format!(
-            "- {}: {:.1} %.",
-            w.name,
-            100.0 * w.share
-        )));
+        let percent = number(100.0 * w.share);
+        text.push_str(&wrap(&format!("- {}: {percent} %.", w.name)));
     }
     if !named.worst_drift.is_empty() {
         text.push('\n');
@@ -97,7 +99,11 @@ pub(super) fn weak(named: &NamedObservabilityRecord) -> String {
         ));
     }
     for d in named.worst_drift.iter().take(4) {
-        text.push_str(&wrap(&format!("- {}: {}.", number(d.sigma_deg_per_h), d.name)));
+        text.push_str(&wrap(&format!(
+            "- {}: {}.",
+            number(d.sigma_deg_per_h),
+            d.name
+        )));
     }
     text
 }

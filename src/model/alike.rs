@@ -89,8 +89,7 @@ impl ErrorModel {
 
     /// Of each parameter whether it is drift by gravity.
     pub(crate) fn drifts_by_gravity(&self) -> Vec<bool> {
-        let by_gravity =
-            |e: &Effect| matches!(e.on, Instrument::Gyro(_)) && !e.feature.is_rate();
+        let by_gravity = |e: &Effect| matches!(e.on, Instrument::Gyro(_)) && !e.feature.is_rate();
         let effects = self.effects();
         effects.iter().map(|of| of.iter().all(by_gravity)).collect()
     }
@@ -103,7 +102,8 @@ impl ErrorModel {
         for (k, u) in directions().enumerate() {
             for (column, &j) in of.iter().enumerate() {
                 let output = output(&effects[j], &u);
-                all.view_mut((6 * k, column), (6, 1)).copy_from_slice(&output);
+                all.view_mut((6 * k, column), (6, 1))
+                    .copy_from_slice(&output);
             }
         }
         all

@@ -65,11 +65,7 @@ impl Nearly {
     ) -> Vec<Self> {
         let regressor = Regressor::new(model, timeline);
         let spaces = [
-            (
-                Order::First,
-                regressor.first(),
-                &observability.spaces.first,
-            ),
+            (Order::First, regressor.first(), &observability.spaces.first),
             (Order::Second, &Channel::ALL[..], &observability.spaces.all),
         ];
         let views =

@@ -35,8 +35,7 @@ pub(super) fn sparse_basis(
     // Stable: of vectors of the same length the first found.
     candidates.sort_by_key(|(length, _)| *length);
     let mut kept: Vec<DVector<f64>> = Vec::new();
-    let mut directions: Vec<DVector<f64>> =
-        known.column_iter().map(|c| c.into_owned()).collect();
+    let mut directions: Vec<DVector<f64>> = known.column_iter().map(|c| c.into_owned()).collect();
     for own in OWN {
         for (_, candidate) in &candidates {
             if kept.len() == dimension {
