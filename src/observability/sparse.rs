@@ -130,7 +130,7 @@ mod tests {
         let m = DMatrix::from_fn(n, vectors.len(), |i, k| vectors[k][i]);
         let q = m.qr().q();
         let turn = DMatrix::from_fn(vectors.len(), vectors.len(), |i, j| {
-            ((3 * i + 5 * j + 1) as f64).sin()
+            ((3 * i * i + 5 * j + 2 * i * j + 1) as f64).sin()
         });
         (q * turn).qr().q()
     }
