@@ -8,6 +8,7 @@
 //! σ, geometric mean, of what the schedule does not tell, or else by the criterion. What the same time
 //! would do in longer dwells is beside it.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use rayon::prelude::*;
@@ -264,6 +265,34 @@ struct Found {
     turn: Option<Turn>,
 }
 
+/// Attitudes along the axes and of a grid over all that the gimbals allow, each once.
+fn different_attitudes(
+    axes: &[GimbalAxis; 3],
+    position: impl Fn([i64; 3]) -> Position,
+) -> Vec<[i64; 3]> {
+    const QUARTERS_DEG: [f64; 4] = [0.0, 90.0, -90.0, 180.0];
+    let along = axes.each_ref().map(|axis| {
+        let quarters = QUARTERS_DEG.into_iter();
+        quarters.filter_map(|deg| axis.setting(deg)).collect()
+    });
+    let spread = axes.each_ref().map(|axis| axis.grid(GRID_DEG));
+    let mut seen = BTreeSet::new();
+    let mut grid = Vec::new();
+    for [alphas, betas, gammas] in [along, spread] {
+        for &alpha in &alphas {
+            for &beta in &betas {
+                for &gamma in &gammas {
+                    let at = [alpha, beta, gamma];
+                    if seen.insert(position(at).attitude_key()) {
+                        grid.push(at);
+                    }
+                }
+            }
+        }
+    }
+    grid
+}
+
 struct Search<'a> {
     evaluator: &'a Evaluator,
     schedule: &'a Schedule,
@@ -343,13 +372,7 @@ impl<'a> Search<'a> {
             let place = Position::from_deg(deg[0], deg[1], deg[2]);
             ScheduledPosition::new(place, self.dwell_s)
         };
-        let [alphas, betas, gammas] = axes.each_ref().map(|axis| axis.grid(GRID_DEG));
-        let mut grid = Vec::new();
-        for &alpha in &alphas {
-            for &beta in &betas {
-                grid.extend(gammas.iter().map(|&gamma| [alpha, beta, gamma]));
-            }
-        }
+        let grid = different_attitudes(&axes, |at| position(at).position);
         let rated: Vec<Option<f64>> = grid
             .par_iter()
             .map(|&at| self.rated(&[position(at)]))

@@ -450,6 +450,13 @@ impl GimbalAxis {
         (self.low..=self.high).step_by(stride).collect()
     }
 
+    /// Where it stands at an angle, if it can.
+    pub(super) fn setting(&self, deg: f64) -> Option<i64> {
+        let at = (deg / self.unit_deg).round() as i64;
+        let is_there = decimal(at as f64 * self.unit_deg) == deg;
+        (is_there && (self.low..=self.high).contains(&at)).then_some(at)
+    }
+
     /// An angle in whole steps, at least one.
     pub(super) fn steps(&self, deg: f64) -> i64 {
         (deg / self.unit_deg).round().max(1.0) as i64

@@ -221,7 +221,7 @@ fn analyze_names_what_all_parameters_leave_out_and_what_would_help() {
     for part in [
         "All parameters of the platform",
         "By the measurements alone, whatever is known before: rank",
-        "need slews about",
+        "needs slews about",
         "need other positions",
         "Sigma stays at least",
         "The azimuth is measured",
