@@ -1,6 +1,8 @@
 //! Everything that can be said about what a schedule makes observable, what it leaves unobservable
 //! though it counts, and what to add to it.
 
+pub mod additions;
+pub mod remark;
 pub mod suggest;
 mod unobservable;
 
@@ -20,6 +22,8 @@ use crate::observability::solution::{NoSolution, Solution};
 use crate::observability::weak::{WeakCombination, weak_combinations};
 use crate::observability::{Observability, Order};
 use crate::schedule::{Schedule, ScheduledPosition};
+use additions::Additions;
+use remark::Remark;
 use suggest::{NoSuggestion, Suggestion};
 #[cfg(feature = "cli")]
 pub(crate) use unobservable::not_observed;
@@ -183,6 +187,11 @@ pub struct Analysis {
     pub advice: Vec<Advice>,
     /// The position to add, or why there is none.
     pub suggestion: std::result::Result<Suggestion, NoSuggestion>,
+    /// What is worth saying of a platform with more than the twelve coefficients.
+    pub remarks: Vec<Remark>,
+    /// The position or the move that helps such a platform most, or why there is none; none: there is
+    /// nothing but the twelve coefficients.
+    pub additions: Option<std::result::Result<Additions, NoSuggestion>>,
 }
 
 impl Analysis {
@@ -226,6 +235,9 @@ impl Analysis {
             classical: ClassicalMeasures::new(model, &timeline),
             advice,
             suggestion: Suggestion::find(evaluator, schedule, evaluation),
+            remarks: Remark::of(model, evaluation),
+            additions: (!model.is_of_the_paper())
+                .then(|| Additions::find(evaluator, schedule, evaluation)),
             observability: observability.clone(),
         })
     }
@@ -259,17 +271,18 @@ fn more_time(
     evaluation: &Evaluation,
 ) -> Option<Advice> {
     let trace = Combination::input_trace();
-    evaluation.observability.order_of(&trace)?;
+    // Of order 1 it is where the azimuth is measured, and as good as the rest.
+    let order = evaluation.observability.order_of(&trace)?;
+    if order < Order::Second {
+        return None;
+    }
     let doubled = schedule.positions().iter().map(|p| ScheduledPosition {
         dwell_s: 2.0 * p.dwell_s,
         ..*p
     });
     let doubled = Schedule::new(doubled.collect()).ok()?;
     let timeline = Timeline::new(evaluator.platform(), &doubled).ok()?;
-    let end = evaluator
-        .model()
-        .end_covariance(&timeline, crate::covariance::TickRule::Filter)
-        .ok()?;
+    let end = evaluator.model().truth(&timeline).ok()?.end;
     // Of length one, as all combinations that a σ is told of.
     let length = trace.coefficients().norm();
     Some(Advice::MoreTime {
@@ -278,16 +291,18 @@ fn more_time(
     })
 }
 
-/// Orders of the states within one dwell, by the row spaces of Z, Ż and Z̈.
+/// Orders of the states within one dwell, by the row spaces of Z, Ż and Z̈, and of ψ_y where the azimuth
+/// is measured.
 pub fn state_orders_of_a_dwell(model: &CovarianceModel) -> [Option<Order>; 8] {
     // Time in units of 1/ω_ie, so that all entries are of the order of one.
     let rate = model.dynamics.rate();
     let f = model.dynamics.system_matrix() / rate;
     let omega_n = model.omega_north() / rate;
     let mut rows: Vec<[f64; 6]> = Vec::new();
-    let mut derivatives: Vec<[f64; 6]> = [NORTH, EAST]
+    let mut derivatives: Vec<[f64; 6]> = model
+        .measured_axes()
         .map(|axis| std::array::from_fn(|j| if j == axis { 1.0 } else { 0.0 }))
-        .to_vec();
+        .collect();
     let mut orders = [None; 8];
     for order in [Order::Zero, Order::First, Order::Second] {
         rows.extend(&derivatives);
@@ -349,7 +364,8 @@ fn states(
 
 /// What each position of the schedule shows by itself.
 fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalysis> {
-    let tagged = Regressor::new(model, timeline).tagged(&[Channel::X, Channel::Z, Channel::Y]);
+    let regressor = Regressor::new(model, timeline);
+    let tagged = regressor.tagged(&[Channel::X, Channel::Z, Channel::Y]);
     let mut all = Vec::with_capacity(timeline.legs().len());
     let mut rest = tagged.as_slice();
     for (index, leg) in timeline.legs().iter().enumerate() {
@@ -364,7 +380,7 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalys
         let space = |highest: Order| {
             let rows: Vec<_> = held
                 .iter()
-                .filter(|t| t.channel.order() <= highest)
+                .filter(|t| regressor.order(t.channel) <= highest)
                 .map(|t| t.row)
                 .collect();
             RowSpace::of(&rows)
@@ -382,7 +398,11 @@ fn positions(model: &CovarianceModel, timeline: &Timeline) -> Vec<PositionAnalys
             let shows = |t: &&&crate::observability::regressor::TaggedRow| {
                 counts(t.row[c.index()].abs(), 1.0)
             };
-            held.iter().filter(shows).map(|t| t.channel.order()).min()
+            let orders = held
+                .iter()
+                .filter(shows)
+                .map(|t| regressor.order(t.channel));
+            orders.min()
         };
         all.push(PositionAnalysis {
             position: leg.position,

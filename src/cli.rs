@@ -20,6 +20,7 @@ mod files;
 mod init;
 mod inputs;
 mod man;
+mod named;
 mod output;
 mod page;
 mod progress;

@@ -28,6 +28,7 @@ pub(crate) mod real;
 mod root;
 mod rows;
 pub(crate) mod selection;
+pub(crate) mod signatures;
 mod small;
 mod triangle;
 mod twelve;
@@ -36,7 +37,7 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{Attitude, EAST, UP};
+use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
@@ -197,6 +198,14 @@ impl CovarianceModel {
     /// The kernels of dwells with everything that is measured: what searches go by.
     pub(crate) fn searched_kernels(&self) -> &KernelTable {
         self.with_azimuth.as_ref().unwrap_or(&self.kernels)
+    }
+
+    /// The components of ψ^n that are measured: North and East by Z, Up where the azimuth is.
+    pub(crate) fn measured_axes(&self) -> impl Iterator<Item = usize> {
+        let measured = self.measured_variance();
+        [NORTH, EAST, UP]
+            .into_iter()
+            .filter(move |&axis| measured[axis].is_some())
     }
 
     /// ω_N, rad/s.

@@ -2,10 +2,12 @@
 //! resolved inputs, so that a result can be reproduced from itself; fields may be added, none is
 //! renamed or dropped.
 
+pub use crate::analysis::additions::{Aim, Helped, Turn, TurnAxis};
 pub use crate::analysis::suggest::NoSuggestion;
 pub use crate::certificate::Majorant;
 pub use crate::commands::{CommandDocument, CommandRecord};
 pub use crate::compare::{PositionOrder, Proof};
+pub use crate::observability::named::{PlatformAxis, Remedy};
 pub use crate::observability::solution::{NoSolution, RowsUsed};
 pub use crate::observability::{Channel, Order};
 pub use crate::results::*;

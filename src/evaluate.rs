@@ -42,6 +42,7 @@ use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::Result;
 use crate::motion::Timeline;
 use crate::observability::Observability;
+use crate::observability::named::{NamedObservability, PrincipalDrift, principal_drift};
 use crate::observability::parameters::of_parameters;
 use crate::platform::Platform;
 use crate::schedule::Schedule;
@@ -148,6 +149,10 @@ pub struct Evaluation {
     pub score: Score,
     /// Orders, separability, unobservable combinations.
     pub observability: Observability,
+    /// What cannot be told apart over all estimated parameters; none: it cannot be worked out.
+    pub named: Option<NamedObservability>,
+    /// What is known worst of all drift by gravity, with quadratic terms.
+    pub principal_drift: Vec<PrincipalDrift>,
     /// σ against time.
     pub convergence: ConvergenceHistory,
     /// Largest relative difference of a σ between kernels and square-root filter.
@@ -294,6 +299,9 @@ impl Evaluator {
         let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
         let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
         let score = self.score(&timeline, &full, &observability)?;
+        let named = NamedObservability::of(&self.platform, &self.model, &timeline);
+        let vertical = named.as_ref().map_or(&[][..], |named| &named.vertical);
+        let principal_drift = principal_drift(&self.model.errors, &full.parameters, vertical);
         let FullCovariance { end, budget, .. } = full;
         Ok(Evaluation {
             total_time_s,
@@ -304,6 +312,8 @@ impl Evaluator {
             budget,
             prior_sigma_deg_per_h: *self.model.prior_sigma_deg_per_h(),
             observability,
+            named,
+            principal_drift,
             convergence,
             agreement,
             precision,
@@ -402,7 +412,7 @@ impl Evaluator {
         observability: &Observability,
     ) -> Result<Score> {
         let o = &self.objective;
-        let criterion = o.criterion.value(&full.seeing(&o.others))?;
+        let criterion = self.criterion_of(full)?;
         let covariance_part = weighted(o.covariance_weight, libm::log(criterion));
         let counted = self.counted_separability(&observability.separability.map(libm::log));
         let separability_part = o.separability_weight * counted.0;
@@ -419,6 +429,16 @@ impl Evaluator {
         })
     }
 
+    /// The criterion of what is known of all parameters.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_numerical`](crate::Error::is_numerical) when it is not finite.
+    pub(crate) fn criterion_of(&self, full: &FullCovariance) -> Result<f64> {
+        let o = &self.objective;
+        o.criterion.value(&full.seeing(&o.others))
+    }
+
     /// The covariance at the end of `timeline` by the filter's own rule, with the criterion.
     ///
     /// # Errors
@@ -433,8 +453,8 @@ impl Evaluator {
             let value = criterion.value(&end)?;
             return Ok((end, value));
         }
-        let full = self.model.full_covariance(timeline)?;
-        let value = criterion.value(&full.seeing(others))?;
+        let full = self.model.truth(timeline)?;
+        let value = self.criterion_of(&full)?;
         Ok((full.end, value))
     }
 }

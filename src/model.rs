@@ -22,6 +22,7 @@
 //! of parameters is one file and one line in [`FAMILIES`].
 
 mod accelerometer;
+mod alike;
 mod constant;
 mod g_sensitive;
 mod gravity;
@@ -29,6 +30,7 @@ mod mounting;
 mod quadratic;
 mod torquer;
 
+pub(crate) use alike::Alike;
 pub(crate) use mounting::GyroAxes;
 pub use mounting::Mounting;
 
@@ -158,6 +160,14 @@ impl Feature {
     /// Whether it is one of the commanded rate.
     pub const fn is_rate(self) -> bool {
         matches!(self, Self::Rate(_))
+    }
+
+    /// The axis of the commanded rate that it is.
+    pub const fn rate_axis(self) -> Option<usize> {
+        match self {
+            Self::Rate(axis) => Some(axis),
+            _ => None,
+        }
     }
 }
 

@@ -21,6 +21,8 @@
 //! [`Observability::strict_orders`]. The two agree for eleven or more generic positions; they
 //! differ for fewer, and where a gimbal is held still (icosahedron-12 at β = 0: 7 x rows count).
 //!
+//! With the azimuth measured, ψ_y is of order 0 and ε_y of order 1: everything that shows is of order 1.
+//!
 //! **Separability** measures how far: of coefficient i, ‖(I − Π_{−i}) s_i‖ / ‖s_i‖ with s_i its
 //! column of the stacked rows, each weighted by 1/σ of its channel in its dwell, and Π_{−i} the
 //! projector on the other columns. 1: its signature is its own; 0: not separable.
@@ -29,6 +31,7 @@ pub mod advice;
 pub mod classical;
 pub(crate) mod combinations;
 pub(crate) mod log_separability;
+pub mod named;
 pub mod nearly;
 mod order;
 pub mod parameters;
@@ -37,6 +40,7 @@ pub(crate) mod row_space;
 pub mod separability;
 mod singular;
 pub mod solution;
+mod sparse;
 pub mod weak;
 
 use crate::covariance::CovarianceModel;
@@ -88,6 +92,8 @@ struct Spaces {
     x: RowSpace<UNKNOWNS>,
     first: RowSpace<UNKNOWNS>,
     all: RowSpace<UNKNOWNS>,
+    /// Then the change of ψ_y between dwells is measured too, and the two counts agree.
+    azimuth_measured: bool,
 }
 
 impl Spaces {
@@ -98,8 +104,9 @@ impl Spaces {
         Self {
             zero: part(&[Channel::Azimuth]),
             x: part(&[Channel::X]),
-            first: part(&Channel::FIRST),
+            first: part(regressor.first()),
             all,
+            azimuth_measured: regressor.measured_azimuth.is_some(),
         }
     }
 
@@ -115,7 +122,7 @@ impl Spaces {
     }
 
     fn strict_order_of(&self, combination: &Combination) -> Option<Order> {
-        let by_x = self.x.contains(combination.as_array());
+        let by_x = self.azimuth_measured || self.x.contains(combination.as_array());
         match self.order_of(combination) {
             Some(Order::First) if !by_x => Some(Order::Second),
             order => order,
@@ -146,7 +153,7 @@ impl Observability {
             orders,
             strict_orders: each.map(|c| spaces.strict_order_of(&c)),
             separability_first_order: separability::of_rows(
-                &regressor.weighted(&Channel::FIRST),
+                &regressor.weighted(regressor.first()),
                 &spaces.first,
                 first,
             ),

@@ -16,6 +16,7 @@ mod evaluation;
 mod json;
 mod layout;
 mod limits;
+mod named;
 mod parameters;
 mod result;
 #[cfg(feature = "schema")]
@@ -43,6 +44,11 @@ pub use evaluation::{
 };
 pub(crate) use limits::Change;
 pub use limits::LimitRecord;
+pub use named::{
+    AdditionRecord, AdditionsRecord, CombinationRecord, CombinationTermRecord,
+    NamedObservabilityRecord, PriorFloorRecord, RemarkRecord, UnobservedRecord, WeakNamedRecord,
+    WorstDriftRecord,
+};
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{
     BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,

@@ -179,10 +179,16 @@ impl Study {
     ///
     /// As [`Study::evaluate`].
     pub fn analyze(&self, schedule: &Schedule) -> Result<AnalysisResult> {
-        self.only_of_the_paper("analyze")?;
         let evaluation = self.evaluator.evaluate(schedule)?;
-        let analysis = Analysis::new(&self.evaluator, schedule, &evaluation)?;
-        let document = AnalysisDocument::new(&analysis, &evaluation, schedule, &self.inputs());
+        let analyse = || Analysis::new(&self.evaluator, schedule, &evaluation);
+        let analysis = self.on_threads(analyse)??;
+        let document = AnalysisDocument::new(
+            &analysis,
+            &evaluation,
+            schedule,
+            self.evaluator.objective(),
+            &self.inputs(),
+        );
         Ok(AnalysisResult::new(document))
     }
 

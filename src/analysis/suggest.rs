@@ -16,9 +16,10 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
-use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector, drift_matrix};
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
+use crate::model::Mounting;
 use crate::motion::Timeline;
 use crate::observability::Observability;
 use crate::observability::combinations::Combination;
@@ -90,7 +91,7 @@ pub enum NoSuggestion {
 }
 
 impl NoSuggestion {
-    fn because(error: Error) -> Self {
+    pub(super) fn because(error: Error) -> Self {
         match error.is_input() {
             true => Self::NotExecutable,
             false => Self::NotEvaluated,
@@ -159,7 +160,7 @@ fn evaluated(
 }
 
 /// The mean dwell, but no less than tells the second derivative.
-fn new_dwell_s(platform: &Platform, schedule: &Schedule) -> f64 {
+pub(super) fn new_dwell_s(platform: &Platform, schedule: &Schedule) -> f64 {
     let held = schedule.positions().iter().filter(|p| p.dwell_s > 0.0);
     let mean = schedule.dwell_sum_s() / held.count().max(1) as f64;
     // Whole filter periods: the rest of a dwell is not measured.
@@ -168,7 +169,7 @@ fn new_dwell_s(platform: &Platform, schedule: &Schedule) -> f64 {
 }
 
 /// `schedule` with its dwells stretched to `dwell_sum_s` in all.
-fn stretched(schedule: &Schedule, dwell_sum_s: f64) -> Result<Schedule> {
+pub(super) fn stretched(schedule: &Schedule, dwell_sum_s: f64) -> Result<Schedule> {
     let sum = schedule.dwell_sum_s();
     let factor = if sum > 0.0 { dwell_sum_s / sum } else { 1.0 };
     let positions = schedule.positions().iter().map(|p| ScheduledPosition {
@@ -194,6 +195,7 @@ struct Prospect {
     /// 1/σ of the channels of the new dwell, in n.
     weights: [f64; 3],
     azimuth_unknown: bool,
+    mounting: Mounting,
     /// In frame-hold: the attitude before, the share of ψ_y(0) in ψ_y there, and 1/σ.
     held: Option<(Attitude, f64, f64)>,
 }
@@ -240,6 +242,7 @@ impl Prospect {
             unobservable,
             weights: crate::observability::regressor::dwell_weights(model, dwell_s),
             azimuth_unknown: regressor.azimuth_unknown,
+            mounting: regressor.mounting,
             held: held.filter(|_| regressor.azimuth_unknown),
         })
     }
@@ -251,7 +254,7 @@ impl Prospect {
     /// The weighted rows that a dwell at `position` adds.
     fn rows(&self, position: Position) -> [Unknowns; 4] {
         let attitude = position.attitude();
-        let a = drift_matrix(&attitude);
+        let a = self.mounting.drift_matrix(&attitude);
         let mut rows = [Unknowns::zeros(); 4];
         for (row, axis) in rows.iter_mut().zip([NORTH, EAST, UP]) {
             for j in 0..COEFFICIENTS {
@@ -406,7 +409,7 @@ const MOST_EXPLORATIONS: usize = 400;
 const FINEST_DEG: f64 = 1e-3;
 
 /// One gimbal axis: where it may stand, in whole numbers of `unit_deg`.
-struct GimbalAxis {
+pub(super) struct GimbalAxis {
     unit_deg: f64,
     low: i64,
     high: i64,
@@ -415,7 +418,7 @@ struct GimbalAxis {
 }
 
 impl GimbalAxis {
-    fn new(platform: &Platform, axis: usize) -> Self {
+    pub(super) fn new(platform: &Platform, axis: usize) -> Self {
         let unit_deg = platform.gimbals().step_deg().unwrap_or(FINEST_DEG);
         let range = platform.gimbals().ranges[axis];
         // Every attitude has a triple with β in ±90°.
@@ -441,9 +444,22 @@ impl GimbalAxis {
         }
     }
 
-    fn grid(&self) -> Vec<i64> {
-        let stride = (GRID_DEG / self.unit_deg).round().max(1.0) as usize;
+    /// Where it may stand, so far apart.
+    pub(super) fn grid(&self, apart_deg: f64) -> Vec<i64> {
+        let stride = self.steps(apart_deg) as usize;
         (self.low..=self.high).step_by(stride).collect()
+    }
+
+    /// Where it stands at an angle, if it can.
+    pub(super) fn setting(&self, deg: f64) -> Option<i64> {
+        let at = (deg / self.unit_deg).round() as i64;
+        let is_there = decimal(at as f64 * self.unit_deg) == deg;
+        (is_there && (self.low..=self.high).contains(&at)).then_some(at)
+    }
+
+    /// An angle in whole steps, at least one.
+    pub(super) fn steps(&self, deg: f64) -> i64 {
+        (deg / self.unit_deg).round().max(1.0) as i64
     }
 
     /// The angle, degrees.
@@ -452,7 +468,7 @@ impl GimbalAxis {
     }
 
     /// The angle, degrees, on an endless axis within a half turn where the index table allows.
-    fn tidy(&self, at: i64) -> f64 {
+    pub(super) fn tidy(&self, at: i64) -> f64 {
         let steps = (360.0 / self.unit_deg).round();
         let turn = NanoDegrees::nearest(steps * self.unit_deg);
         match self.endless && turn == NanoDegrees::TURN {
@@ -462,7 +478,7 @@ impl GimbalAxis {
     }
 
     /// One step further, if the axis can go there.
-    fn moved(&self, at: i64, by: i64) -> Option<i64> {
+    pub(super) fn moved(&self, at: i64, by: i64) -> Option<i64> {
         let to = at + by;
         (self.endless || (self.low..=self.high).contains(&to)).then_some(to)
     }
@@ -481,7 +497,7 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
         gain(position(at))
     };
     let mut grid = Vec::new();
-    let grids = axes.each_ref().map(GimbalAxis::grid);
+    let grids = axes.each_ref().map(|axis| axis.grid(GRID_DEG));
     for &alpha in &grids[0] {
         for &beta in &grids[1] {
             for &gamma in &grids[2] {
@@ -567,6 +583,6 @@ fn explore(
 }
 
 /// Whether `gain` is more than `best` by more than rounding.
-fn gains(gain: f64, best: f64) -> bool {
+pub(super) fn gains(gain: f64, best: f64) -> bool {
     gain > best + 1e-10 * best.abs()
 }

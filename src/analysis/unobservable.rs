@@ -189,6 +189,7 @@ fn known(platform: &Platform) -> Vec<[f64; UNKNOWNS]> {
 fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKNOWNS]> {
     let [alphas, betas, gammas] = [0, 1, 2].map(|axis| angles(platform, axis));
     let azimuth = model.omega_north() != 0.0;
+    let measured = model.azimuth_variance.is_some();
     let mut rows = Vec::new();
     let mut add = |a: &DriftMatrix, channel: usize, weight: f64| {
         rows.push(std::array::from_fn(|j| match j {
@@ -203,13 +204,14 @@ fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKN
                 let a = model.drift_matrix(&at);
                 add(&a, NORTH, 0.0);
                 add(&a, EAST, if azimuth { -1.0 } else { 0.0 });
-                if azimuth {
+                if azimuth || measured {
                     add(&a, UP, 0.0);
                 }
             }
         }
     }
-    if azimuth && platform.motion().repositioning == Repositioning::FrameHold {
+    let frame_hold = platform.motion().repositioning == Repositioning::FrameHold;
+    if azimuth && (frame_hold || measured) {
         // In frame-hold repositioning a change of position can show ψ_y by itself.
         rows.push(unit(COEFFICIENTS));
     }

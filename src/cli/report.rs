@@ -9,6 +9,7 @@ use crate::results::{
 use crate::search::Status;
 use crate::wording::{number, seconds};
 
+use super::named;
 use super::screen::Screen;
 use super::table;
 
@@ -101,7 +102,8 @@ pub(super) fn evaluation(
     text.push_str(&table::coefficients(document));
     if document.parameters.len() > document.coefficients.len() {
         text.push_str("\nOther parameters after the test, 1 sigma\n");
-        text.push_str(&table::parameters(document));
+        let others = &document.parameters[document.coefficients.len()..];
+        text.push_str(&table::parameters(others));
     }
     if !document.budget.is_empty() {
         text.push('\n');
@@ -117,6 +119,13 @@ pub(super) fn evaluation(
     text.push_str(&table::misalignment(document));
     text.push('\n');
     text.push_str(&wrap(&words::observability(document)));
+    // Of the coefficients alone that has been said.
+    if document.parameters.len() > document.coefficients.len()
+        && let Some(named) = &document.observability.parameters
+    {
+        text.push('\n');
+        text.push_str(&named::unobservable(named));
+    }
     text.push_str(&limits(document));
     text.push('\n');
     text.push_str(&wrap(&words::perfect(&document.inputs)));

@@ -133,8 +133,7 @@ pub(super) fn coefficients(document: &EvaluationDocument) -> String {
 }
 
 /// The parameters beside the coefficients, a table for each group.
-pub(super) fn parameters(document: &EvaluationDocument) -> String {
-    let others = &document.parameters[document.coefficients.len()..];
+pub(super) fn parameters(others: &[ParameterRecord]) -> String {
     let claims = others.iter().any(|p| p.claimed_sigma.is_some());
     let mut text = String::new();
     for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {

@@ -194,11 +194,27 @@ pub(super) fn run<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
     recorder: &mut R,
 ) -> Reached<E> {
     let prior = effects.model().prior_psi.diagonal();
+    let start = Reached {
+        v: effects.nothing(),
+        g: Matrix3::from_diagonal(&prior.map(|variance| E::Number::from(variance).sqrt())),
+    };
+    run_from(start, effects, timeline, rule, sink, recorder)
+}
+
+/// The same from another V and G than those of the prior.
+pub(super) fn run_from<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
+    start: Reached<E>,
+    effects: &E,
+    timeline: &Timeline,
+    rule: TickRule,
+    sink: &mut S,
+    recorder: &mut R,
+) -> Reached<E> {
     let mut runner = Runner {
         effects,
         rule,
-        v: effects.nothing(),
-        g: Matrix3::from_diagonal(&prior.map(|variance| E::Number::from(variance).sqrt())),
+        v: start.v,
+        g: start.g,
         sink,
         recorder,
         leg: 0,

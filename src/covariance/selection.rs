@@ -30,7 +30,7 @@ use super::{CovarianceModel, EndCovariance, Precision, TickRule, not_finite};
 use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::drift::COEFFICIENTS;
 use crate::error::Result;
-use crate::model::{Effect, Feature, Instrument};
+use crate::model::{Effect, Feature, Instrument, Role};
 use crate::motion::integral::for_each_share;
 use crate::motion::{Leg, Move, Timeline};
 
@@ -121,7 +121,11 @@ pub(super) struct Place<T> {
 impl<'a, T: Real> Selection<'a, T> {
     /// Of the model's platform.
     pub fn new(model: &'a CovarianceModel) -> Self {
-        let effects = model.errors.effects();
+        Self::of_effects(model, &model.errors.effects())
+    }
+
+    /// Of parameters that do this on the model's platform.
+    pub fn of_effects(model: &'a CovarianceModel, effects: &[Vec<Effect>]) -> Self {
         let any = |what: &dyn Fn(&Effect) -> bool| effects.iter().flatten().any(what);
         let is_of_gyro = |e: &Effect| matches!(e.on, Instrument::Gyro(_));
         let is_quadratic = any(&|e| is_of_gyro(e) && matches!(e.feature, Feature::Product(..)));
@@ -129,8 +133,8 @@ impl<'a, T: Real> Selection<'a, T> {
             has_accelerometers: any(&|e| !is_of_gyro(e)),
             has_torquers: any(&|e| matches!(e.feature, Feature::Rate(_))),
             degree: if is_quadratic { 3.0 } else { 2.0 },
-            mixing: Mixing::new(&effects),
-            in_doubles: Mixing::new(&effects),
+            mixing: Mixing::new(effects),
+            in_doubles: Mixing::new(effects),
             doublings: Doublings::new(
                 &model.dynamics,
                 model.period_s,
@@ -340,6 +344,34 @@ impl CovarianceModel {
         timeline: &Timeline,
         rule: TickRule,
     ) -> Result<FullWithTold> {
+        self.solved_in::<T>(timeline, rule, Question::of_budget(&self.errors))
+    }
+
+    /// The truth of all parameters without the budget, for comparisons between many timelines.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::full_covariance`].
+    pub(crate) fn truth(&self, timeline: &Timeline) -> Result<FullCovariance> {
+        let rule = TickRule::Filter;
+        if self.is_of_the_paper() {
+            let end = self.end_covariance(timeline, rule)?;
+            return Ok(FullCovariance::of_coefficients(end));
+        }
+        let found = self.solved_in::<f64>(timeline, rule, Vec::new())?;
+        match found.told <= MOST_IN_DOUBLES {
+            true => Ok(found.full),
+            false => Ok(self.solved_in::<Extended>(timeline, rule, Vec::new())?.full),
+        }
+    }
+
+    /// What is known at the end of `timeline`, and what ignoring the groups of `asked` adds.
+    fn solved_in<T: Real>(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+        asked: Vec<(&'static str, Role, Question)>,
+    ) -> Result<FullWithTold> {
         let selection = Selection::<T>::new(self);
         let priors: Vec<f64> = self
             .errors
@@ -355,7 +387,7 @@ impl CovarianceModel {
         let solved = rows.solution([&others, &twelve], &ignored)?;
         let in_doubles = |m: &DMatrix<T>| m.map(T::f64);
         let mut budget = Vec::new();
-        for (group, role, question) in Question::of_budget(&self.errors) {
+        for (group, role, question) in asked {
             let of = rows.solution([&question.others, &twelve], &question.ignored)?;
             budget.push(IgnoredGroup {
                 group,

@@ -41,7 +41,11 @@ impl Mounting {
 
     /// A of the twelve coefficients at an attitude.
     pub(crate) fn drift_matrix(&self, attitude: &Attitude) -> DriftMatrix {
-        let papers = drift_matrix(attitude);
+        self.of_the_papers(drift_matrix(attitude))
+    }
+
+    /// Rows on the twelve coefficients in this mounting, of such in the paper's.
+    pub(crate) fn of_the_papers(&self, papers: DriftMatrix) -> DriftMatrix {
         match *self == Self::PAPER {
             true => papers,
             false => papers * self.mixing_of_the_papers(),

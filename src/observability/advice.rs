@@ -5,7 +5,7 @@ use std::fmt;
 use super::combinations::Combination;
 use super::regressor::at_a_pole;
 use super::row_space::RowSpace;
-use super::{Channel, Observability, Regressor};
+use super::{Observability, Regressor};
 use crate::covariance::{CovarianceModel, split_periods};
 use crate::motion::Timeline;
 
@@ -70,7 +70,7 @@ impl Advice {
                 at_least_s: PERIODS as f64 * model.period_s,
             });
         }
-        let pole = at_a_pole(model);
+        let pole = at_a_pole(model) && model.azimuth_variance.is_none();
         let hidden = usize::from(pole);
         let unobservable = observability.unobservable.len();
         if unobservable > hidden {
@@ -101,7 +101,8 @@ fn order_two_beside_the_trace(
     timeline: &Timeline,
     observability: &Observability,
 ) -> Vec<Combination> {
-    let mut rows = Regressor::new(model, timeline).geometry(&Channel::FIRST);
+    let regressor = Regressor::new(model, timeline);
+    let mut rows = regressor.geometry(regressor.first());
     rows.push(*Combination::input_trace().as_array());
     let largest = observability.spaces.all.largest();
     let missing = RowSpace::beside(&rows, largest).missing(observability.unknowns);

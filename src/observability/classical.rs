@@ -16,9 +16,8 @@ use super::combinations::Combination;
 use super::regressor::{Channel, Regressor};
 use super::singular::Singular;
 use super::{Observability, Order, Spaces, separability};
-use crate::attitude::{EAST, NORTH};
 use crate::covariance::{CovarianceModel, TickRule, split_periods};
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftMatrix, drift_matrix};
+use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftMatrix};
 use crate::error::Result;
 use crate::motion::{Leg, Timeline};
 
@@ -29,7 +28,8 @@ pub type StateMatrix = SMatrix<f64, STATES, STATES>;
 
 /// Output sensitivity and the observability Gramian W = Σ (∂z/∂x)ᵀ (∂z/∂x)/r² of a schedule: x is
 /// ψ^n at its start (arcsec) and D (°/h), z the measurements of all filter ticks, r their noise.
-/// The random drift of the gyros has no part in it.
+/// The random drift of the gyros has no part in it, and other errors than the twelve coefficients have
+/// none either.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gramian {
     /// W.
@@ -114,13 +114,15 @@ impl SensitivityPass<'_> {
         let dynamics = &self.model.dynamics;
         for tick in 0..ticks {
             let start_s = tick as f64 * period;
-            let b = arrival.drift_integral(dynamics, start_s, period);
+            let papers = arrival.drift_integral(dynamics, start_s, period);
+            let b = self.model.mounting().of_the_papers(papers);
             self.advance(&dynamics.transition(period), &b);
             self.measure();
         }
         if remainder > 0.0 {
             let start_s = ticks as f64 * period;
-            let b = arrival.drift_integral(dynamics, start_s, remainder);
+            let papers = arrival.drift_integral(dynamics, start_s, remainder);
+            let b = self.model.mounting().of_the_papers(papers);
             self.advance(&dynamics.transition(remainder), &b);
         }
     }
@@ -131,7 +133,7 @@ impl SensitivityPass<'_> {
             true => split_periods(duration_s, period),
             false => (0, duration_s),
         };
-        let a = drift_matrix(&leg.attitude);
+        let a = self.model.drift_matrix(&leg.attitude);
         let dynamics = &self.model.dynamics;
         let (phi, b) = (dynamics.transition(period), dynamics.integral(period) * a);
         for _ in 0..ticks {
@@ -150,12 +152,16 @@ impl SensitivityPass<'_> {
     }
 
     fn measure(&mut self) {
-        for axis in [NORTH, EAST] {
+        let variances = self.model.measured_variance();
+        for (axis, variance) in variances.into_iter().enumerate() {
+            let Some(variance) = variance else { continue };
             let row = SMatrix::<f64, STATES, 1>::from_fn(|j, _| match j {
                 0..3 => self.psi[(axis, j)],
                 _ => self.drift[(axis, j - 3)],
             });
-            self.gramian.ger(1.0, &row, &row, 1.0);
+            // In units of the noise of Z.
+            let weight = self.model.noise_variance / variance;
+            self.gramian.ger(weight, &row, &row, 1.0);
         }
     }
 }
@@ -224,12 +230,12 @@ impl PiecewiseConstant {
         let f = model.dynamics.system_matrix() * time;
         let mut rows: Vec<[f64; STATES]> = Vec::new();
         for leg in timeline.legs() {
-            let a = drift_matrix(&leg.attitude) * drift;
+            let a = model.drift_matrix(&leg.attitude) * drift;
             // H F_j^k = [F^k, F^(k−1) A], the North and East rows of both.
             let mut power = Matrix3::identity();
             let mut through = DriftMatrix::zeros();
             for _ in 0..STATES {
-                for axis in [NORTH, EAST] {
+                for axis in model.measured_axes() {
                     rows.push(std::array::from_fn(|j| match j {
                         0..3 => power[(axis, j)],
                         _ => through[(axis, j - 3)],

@@ -240,6 +240,10 @@ fn gram(regressor: &Regressor) -> Square {
             gram[AZIMUTH][AZIMUTH] += (change.weight * coefficient).powi(2);
         }
     }
+    // It depends on nothing that a search changes: no part of the gradient.
+    if let Some(measured) = regressor.measured_azimuth {
+        gram[AZIMUTH][AZIMUTH] += measured.weight * measured.weight;
+    }
     gram
 }
 

@@ -65,11 +65,7 @@ impl Nearly {
     ) -> Vec<Self> {
         let regressor = Regressor::new(model, timeline);
         let spaces = [
-            (
-                Order::First,
-                &Channel::FIRST[..],
-                &observability.spaces.first,
-            ),
+            (Order::First, regressor.first(), &observability.spaces.first),
             (Order::Second, &Channel::ALL[..], &observability.spaces.all),
         ];
         let views =
@@ -87,6 +83,7 @@ impl Nearly {
                     ToldQuantity::Coefficient(c) => named.coefficients()[c.index()] != 0.0,
                     ToldQuantity::Combination(other) => other.rounded(NAMED) == named,
                 };
+                // Where all channels are of order 1, the second view is the first again.
                 if !found.iter().any(said) {
                     found.extend(view.combination(combination));
                 }

@@ -10,7 +10,7 @@
 //! they enter: errors of the accelerometers and of gravity show in δZ itself (0); torquer errors as
 //! jumps of ψ^n over a move that is not measured (0), or else within dwells and measured moves (1).
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::regressor::{Regressor, RowSource, TaggedRow};
 use super::{Channel, Observability, Order, RANK_TOLERANCE, UNKNOWNS};
@@ -128,63 +128,91 @@ fn quadratic_orders(model: &CovarianceModel, timeline: &Timeline) -> Vec<Option<
     if count == 0 {
         return Vec::new();
     }
-    let regressor = Regressor::new(model, timeline);
-    let row = |t: &TaggedRow| -> Vec<f64> {
-        let leg = &timeline.legs()[t.leg];
-        let attitude = match (t.source, &leg.arrival) {
-            (RowSource::Move { fraction }, Some(m)) => m.position_at(fraction).attitude(),
-            _ => leg.attitude,
-        };
-        let drift = model.drift_by_gravity(&attitude);
-        let of_channel = |k: usize| match t.channel {
-            Channel::Azimuth => 0.0,
-            channel => drift[(channel.axis(), COEFFICIENTS + k)],
-        };
-        let more = (0..count).map(of_channel);
-        let all = t.row.iter().copied().chain(more);
-        all.map(|v| v * t.share).collect()
-    };
-    let space = |channels: &[Channel]| {
-        let rows: Vec<Vec<f64>> = regressor.tagged(channels).iter().map(row).collect();
-        let matrix = DMatrix::from_fn(rows.len(), UNKNOWNS + count, |i, j| rows[i][j]);
-        Space::of(matrix)
-    };
-    let [first, all] = [space(&Channel::FIRST), space(&Channel::ALL)];
-    (0..count)
-        .map(|k| {
-            let column = UNKNOWNS + k;
-            match (first.contains(column), all.contains(column)) {
-                (true, _) => Some(Order::First),
-                (false, true) => Some(Order::Second),
-                (false, false) => None,
-            }
-        })
+    let spaces = DriftSpaces::new(model, timeline);
+    (COEFFICIENTS..COEFFICIENTS + count)
+        .map(|k| spaces.order_of(&[(k, 1.0)]))
         .collect()
 }
 
-/// A row space: how much of each unknown lies in it.
-struct Space(Vec<f64>);
+/// The row spaces of the channels over all drift by gravity.
+struct DriftSpaces {
+    first: Space,
+    all: Space,
+    unknowns: usize,
+}
+
+impl DriftSpaces {
+    fn new(model: &CovarianceModel, timeline: &Timeline) -> Self {
+        let count = model.errors.estimated() - COEFFICIENTS;
+        let regressor = Regressor::new(model, timeline);
+        let row = |t: &TaggedRow| -> Vec<f64> {
+            let leg = &timeline.legs()[t.leg];
+            let attitude = match (t.source, &leg.arrival) {
+                (RowSource::Move { fraction }, Some(m)) => m.position_at(fraction).attitude(),
+                _ => leg.attitude,
+            };
+            let drift = model.drift_by_gravity(&attitude);
+            let of_channel = |k: usize| match t.channel {
+                Channel::Azimuth => 0.0,
+                channel => drift[(channel.axis(), COEFFICIENTS + k)],
+            };
+            let more = (0..count).map(of_channel);
+            let all = t.row.iter().copied().chain(more);
+            all.map(|v| v * t.share).collect()
+        };
+        let space = |channels: &[Channel]| {
+            let rows: Vec<Vec<f64>> = regressor.tagged(channels).iter().map(row).collect();
+            let matrix = DMatrix::from_fn(rows.len(), UNKNOWNS + count, |i, j| rows[i][j]);
+            Space::of(matrix)
+        };
+        Self {
+            first: space(regressor.first()),
+            all: space(&Channel::ALL),
+            unknowns: UNKNOWNS + count,
+        }
+    }
+
+    /// Order of a combination of estimated parameters, by index.
+    fn order_of(&self, terms: &[(usize, f64)]) -> Option<Order> {
+        let mut vector = DVector::zeros(self.unknowns);
+        for (parameter, weight) in terms {
+            // ω_N ψ_y(0) stands after the twelve coefficients.
+            let column = match *parameter < COEFFICIENTS {
+                true => *parameter,
+                false => parameter + UNKNOWNS - COEFFICIENTS,
+            };
+            vector[column] += weight;
+        }
+        match (self.first.contains(&vector), self.all.contains(&vector)) {
+            (true, _) => Some(Order::First),
+            (false, true) => Some(Order::Second),
+            (false, false) => None,
+        }
+    }
+}
+
+/// A row space: an orthonormal basis of it.
+struct Space(Vec<DVector<f64>>);
 
 impl Space {
     fn of(rows: DMatrix<f64>) -> Self {
-        let columns = rows.ncols();
         let svd = match rows.nrows() {
             0 => None,
             _ => rows.try_svd(false, true, f64::EPSILON, 0),
         };
-        let share = |column: usize| {
-            let svd = svd.as_ref()?;
-            let least = RANK_TOLERANCE * svd.singular_values.max();
-            let values = svd.singular_values.iter().enumerate();
-            let directions = svd.v_t.as_ref()?;
-            let counted = values.filter(|(_, value)| **value > least);
-            Some(counted.map(|(k, _)| directions[(k, column)].powi(2)).sum())
+        let Some((values, directions)) = svd.and_then(|s| Some((s.singular_values, s.v_t?))) else {
+            return Self(Vec::new());
         };
-        Self((0..columns).map(|j| share(j).unwrap_or(0.0)).collect())
+        let least = RANK_TOLERANCE * values.max();
+        let counted = (0..values.len()).filter(|&k| values[k] > least);
+        Self(counted.map(|k| directions.row(k).transpose()).collect())
     }
 
-    fn contains(&self, column: usize) -> bool {
-        1.0 - self.0[column] <= RANK_TOLERANCE
+    /// Whether a vector lies in it; what is left of it is held against its length.
+    fn contains(&self, vector: &DVector<f64>) -> bool {
+        let parts = self.0.iter().map(|b| b.dot(vector).powi(2));
+        let inside: f64 = parts.sum();
+        1.0 - inside / vector.norm_squared() <= RANK_TOLERANCE
     }
 }
 
@@ -233,5 +261,86 @@ mod tests {
         // Nothing is told of what is known exactly.
         assert_eq!(separability(&DMatrix::zeros(3, 3)), [0.0; 3]);
         assert!(separability(&DMatrix::zeros(0, 0)).is_empty());
+    }
+
+    /// Drift ε = λ(u) u, u the vertical in the platform, is of order 2 under every schedule, and every
+    /// other drift by gravity is of order 1 under a good one: in any mounting.
+    #[test]
+    fn the_larger_trace_theorem() {
+        use crate::attitude::Position;
+        use crate::observability::named::vertical;
+        use crate::platform::PlatformConfig;
+        use crate::schedule::{Schedule, ScheduledPosition};
+
+        const AXES: [[&str; 3]; 3] = [["-z", "-z", "+x"], ["+y", "+x", "-y"], ["-y", "+z", "+x"]];
+        for (case, axes) in AXES.into_iter().enumerate() {
+            let config: PlatformConfig = serde_json::from_value(serde_json::json!({
+                "errors": { "quadratic_drift_deg_per_h_per_g2": 0.1 },
+                "gyro": { "output_axis": { "X": axes[0], "Y": axes[1], "Z": axes[2] } },
+            }))
+            .unwrap();
+            let platform = config.check().unwrap();
+            let model = CovarianceModel::new(&platform);
+            let parameters = model.errors.parameters();
+            let index = |name: &str| parameters.iter().position(|p| p.name == name).unwrap();
+            let combinations: Vec<Vec<(usize, f64)>> = vertical(&model.errors)
+                .iter()
+                .map(|c| c.terms.iter().map(|t| (index(t.name), t.weight)).collect())
+                .collect();
+            assert_eq!(combinations.len(), 4);
+            if case == 0 {
+                let names: Vec<String> = vertical(&model.errors).iter().map(|c| c.sum()).collect();
+                let papers = [
+                    "D_IX + D_IY + D_IZ",
+                    "D_IIX + D_IOZ - D_ISY",
+                    "D_IIY + D_ISX + D_ISZ",
+                    "D_IIZ - D_IOX - D_IOY",
+                ];
+                assert_eq!(names, papers);
+            }
+            for count in [1, 2, 3, 5, 8, 13, 30] {
+                let angles = |k: usize| {
+                    let k = (k + 7 * case + 31 * count) as f64;
+                    [2.1 * k + 0.3, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4].map(|a| a % 6.28)
+                };
+                let held = (0..count).map(|k| {
+                    ScheduledPosition::new(Position::from_array(angles(k)), 700.0 + 10.0 * k as f64)
+                });
+                let schedule = Schedule::new(held.collect()).unwrap();
+                let timeline = Timeline::new(&platform, &schedule).unwrap();
+                let spaces = DriftSpaces::new(&model, &timeline);
+                for combination in &combinations {
+                    let order = spaces.order_of(combination);
+                    assert!(
+                        order.is_none_or(|o| o == Order::Second),
+                        "{count}: {order:?}"
+                    );
+                    assert!(count < 30 || order == Some(Order::Second), "{case}");
+                }
+                if count < 30 {
+                    continue;
+                }
+                // There are no others: what the first derivatives miss has their dimension, four.
+                let unknowns = spaces.unknowns;
+                assert_eq!(spaces.first.0.len(), unknowns - combinations.len());
+                assert_eq!(spaces.all.0.len(), unknowns);
+                // λ(u) of no kind but these: every other sum is of order 1 but for its part of them.
+                let mixed: Vec<(usize, f64)> = (0..parameters.len())
+                    .map(|k| (k, (1.3 * k as f64 + 0.2).sin()))
+                    .collect();
+                assert_eq!(spaces.order_of(&mixed), Some(Order::Second));
+                let mut rest = DVector::zeros(parameters.len());
+                mixed.iter().for_each(|(k, w)| rest[*k] = *w);
+                // The four are at right angles.
+                for combination in &combinations {
+                    let mut v = DVector::zeros(parameters.len());
+                    combination.iter().for_each(|(k, w)| v[*k] = *w);
+                    let v = v.normalize();
+                    rest -= &v * v.dot(&rest);
+                }
+                let rest: Vec<(usize, f64)> = rest.iter().copied().enumerate().collect();
+                assert_eq!(spaces.order_of(&rest), Some(Order::First), "{case}");
+            }
+        }
     }
 }

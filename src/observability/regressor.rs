@@ -5,6 +5,10 @@
 //! ψ_y(t_k) = q_k ψ_y(0) plus what is known, q_{k+1} = Q_yy q_k. And where Q tilts the vertical,
 //! part of ψ_y comes out in ψ_x and ψ_z, which Z shows by itself: the [`Channel::Azimuth`], of
 //! order 0, which the slewing platform does not have.
+//!
+//! Where the **azimuth is measured**, ψ_y^n is of order 0 and, by its derivative, ε_y^n of order 1, so
+//! that all channels are. One row of the [`Channel::Azimuth`] stands for it, weighted as one
+//! measurement: an honest lower limit that does not depend on any duration.
 
 use super::order::Order;
 use super::row_space::counts;
@@ -60,7 +64,8 @@ impl Channel {
         }
     }
 
-    /// Its order: the highest derivative of Z in its solution.
+    /// Its order where only Z is measured: the highest derivative of it in the solution. With the
+    /// azimuth measured too it is [`Regressor::order`].
     pub const fn order(self) -> Order {
         match self {
             Self::Azimuth => Order::Zero,
@@ -170,8 +175,17 @@ pub(crate) struct Regressor {
     pub mounting: Mounting,
     /// Whether ω_N ψ_y(0) is an unknown: not at the poles.
     pub azimuth_unknown: bool,
-    /// Whether the y channel exists: not at the poles.
+    /// Whether the y channel exists: not at the poles, but where the azimuth is measured.
     pub vertical_channel: bool,
+    /// What the measured azimuth tells of ω_N ψ_y(0), if it is measured.
+    pub measured_azimuth: Option<MeasuredAzimuth>,
+}
+
+/// ω_N ψ_y(0) by the azimuth measured in the first dwell.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeasuredAzimuth {
+    /// 1/σ of one measurement, (°/h)⁻¹; zero where the first dwell has none.
+    pub weight: f64,
 }
 
 impl Regressor {
@@ -212,12 +226,20 @@ impl Regressor {
             });
         }
         let azimuth = !at_a_pole(model);
+        let first_dwell_s = timeline.legs().first().map_or(0.0, |leg| leg.dwell_s);
+        let measured_azimuth = model.azimuth_variance.map(|variance| MeasuredAzimuth {
+            weight: match azimuth && split_periods(first_dwell_s, model.period_s).0 > 0 {
+                true => (model.omega_north() * variance.sqrt()).abs().recip(),
+                false => 0.0,
+            },
+        });
         let mut regressor = Self {
             blocks,
             changes: Vec::new(),
             mounting: *model.mounting(),
             azimuth_unknown: azimuth,
-            vertical_channel: azimuth,
+            vertical_channel: azimuth || measured_azimuth.is_some(),
+            measured_azimuth,
         };
         if model.frame_hold && azimuth {
             regressor.hold_frame(model, timeline);
@@ -249,6 +271,22 @@ impl Regressor {
             share *= cosine;
             // Without moves that measure there is one block per leg.
             self.blocks[leg].azimuth = -share;
+        }
+    }
+
+    /// The order of a channel: the highest derivative of what is measured in its solution.
+    pub fn order(&self, channel: Channel) -> Order {
+        match self.measured_azimuth {
+            Some(_) => channel.order().min(Order::First),
+            None => channel.order(),
+        }
+    }
+
+    /// The channels of order 1 and below.
+    pub fn first(&self) -> &'static [Channel] {
+        match self.measured_azimuth {
+            Some(_) => &Channel::ALL,
+            None => &Channel::FIRST,
         }
     }
 
@@ -308,6 +346,7 @@ impl Regressor {
         }
         if channels.contains(&Channel::Azimuth) {
             rows.extend(self.changes.iter().filter_map(azimuth_row));
+            rows.extend(self.measured_azimuth.iter().filter_map(measured_row));
         }
         rows
     }
@@ -326,6 +365,18 @@ fn azimuth_row(change: &Change) -> Option<TaggedRow> {
             share: 1.0,
             row,
         }
+    })
+}
+
+/// The row of the measured azimuth.
+fn measured_row(measured: &MeasuredAzimuth) -> Option<TaggedRow> {
+    (measured.weight > 0.0).then_some(TaggedRow {
+        leg: 0,
+        source: RowSource::Dwell,
+        channel: Channel::Azimuth,
+        weight: measured.weight,
+        share: 1.0,
+        row: super::row_space::unit(COEFFICIENTS),
     })
 }
 
@@ -348,11 +399,25 @@ pub(crate) fn dwell_weights(model: &CovarianceModel, duration_s: f64) -> [f64; 3
 /// Channel weights of a dwell, linear in the duration between whole periods, and their slope.
 fn channel_weights(model: &CovarianceModel, duration_s: f64) -> ([f64; 3], [f64; 3]) {
     let (periods, remainder) = split_periods(duration_s, model.period_s);
-    let low = model.kernels.kernel(periods).channel_weights;
-    let high = model.kernels.kernel(periods + 1).channel_weights;
+    let low = weights_of_periods(model, periods);
+    let high = weights_of_periods(model, periods + 1);
     let share = remainder / model.period_s;
     (
         std::array::from_fn(|i| low[i] + share * (high[i] - low[i])),
         std::array::from_fn(|i| (high[i] - low[i]) / model.period_s),
     )
+}
+
+/// Channel weights of a dwell of so many periods. The kernel's are of Z alone; a measured azimuth tells
+/// ε_y by its change at least, from the first measurement to the last.
+fn weights_of_periods(model: &CovarianceModel, periods: usize) -> [f64; 3] {
+    let mut weights: [f64; 3] = model.kernels.kernel(periods).channel_weights.into();
+    if let Some(variance) = model.azimuth_variance
+        && periods >= 2
+    {
+        let time_s = (periods - 1) as f64 * model.period_s;
+        let sigma = (2.0 * variance + model.drift_psd * time_s).sqrt() / time_s;
+        weights[UP] = weights[UP].max(sigma.recip());
+    }
+    weights
 }

@@ -124,16 +124,19 @@ impl Solution {
             .ok_or(NoSolution::NotObservable)?;
         let strict = observability.strict_order_of(combination) == Some(order);
         let spaces = &observability.spaces;
+        let regressor = Regressor::new(model, timeline);
+        let measured = regressor.measured_azimuth.is_some();
         let (channels, space): (&[Channel], _) = match order {
             Order::Zero => (&[Channel::Azimuth], &spaces.zero),
-            Order::First if strict => (&[Channel::X], &spaces.x),
-            Order::First => (&Channel::FIRST, &spaces.first),
+            Order::First if strict && !measured => (&[Channel::X], &spaces.x),
+            Order::First => (regressor.first(), &spaces.first),
             Order::Second => (&Channel::ALL, &spaces.all),
         };
-        let rows = Regressor::new(model, timeline).tagged(channels);
+        let rows = regressor.tagged(channels);
         let claim = Claim {
             combination: *combination,
             order,
+            azimuth_measured: measured,
         };
         claim
             .by_few(&rows)
@@ -153,6 +156,7 @@ impl Solution {
 struct Claim {
     combination: Combination,
     order: Order,
+    azimuth_measured: bool,
 }
 
 impl Claim {
@@ -232,7 +236,8 @@ impl Claim {
             })
             .collect();
         terms.sort_by_key(|t| (t.position, t.channel.name()));
-        let later = |t: &Term| t.channel == Channel::Z && t.position > 0;
+        let measured = self.azimuth_measured;
+        let later = |t: &Term| !measured && t.channel == Channel::Z && t.position > 0;
         Some(Solution {
             combination: self.combination,
             order: self.order,

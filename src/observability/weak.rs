@@ -26,6 +26,8 @@ pub struct WeakCombination {
     pub channel_sigma_deg_per_h: f64,
     /// Shares of the information on it by the channels x, z, y; they add up to one.
     pub shares: [f64; 3],
+    /// The order of the channel y: first where the azimuth is measured.
+    pub vertical_order: Order,
 }
 
 impl WeakCombination {
@@ -39,7 +41,7 @@ impl WeakCombination {
     pub fn seen_through(&self) -> Order {
         let [x, z, _] = self.shares;
         if x + z < 1e-6 {
-            Order::Second
+            self.vertical_order
         } else {
             Order::First
         }
@@ -69,6 +71,7 @@ pub fn weak_combinations(
             combination: Combination::from_weights(&vector, 0.0),
             channel_sigma_deg_per_h: svd.values[k].recip(),
             shares: shares(&tagged, &rows, &vector),
+            vertical_order: regressor.order(Channel::Y),
         });
     }
     let mut values = svd.values;

@@ -5,12 +5,14 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::named::{AdditionsRecord, NamedObservabilityRecord, RemarkRecord};
+use super::parameters::{self, ParameterRecord};
 pub use crate::analysis::suggest::Standing;
 use crate::analysis::suggest::{NoSuggestion, Suggestion};
 use crate::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{Evaluation, Objective};
 use crate::observability::classical::PiecewiseConstant;
 use crate::observability::nearly::{Nearly, ToldQuantity};
 use crate::observability::solution::{NoSolution, RowsUsed, SeenDuring, Solution, Term};
@@ -39,6 +41,9 @@ pub struct AnalysisDocument {
     pub states: Vec<StateRecord>,
     /// Order and reconstruction of each coefficient.
     pub coefficients: Vec<AnalysedCoefficient>,
+    /// Every parameter of the platform in its own unit; specifications are in the evaluation.
+    #[serde(default)]
+    pub parameters: Vec<ParameterRecord>,
     /// What each position shows by itself.
     pub positions: Vec<AnalysedPosition>,
     /// Ranks, condition, what cannot be told.
@@ -62,6 +67,13 @@ pub struct AnalysisDocument {
     /// Why there is none; absent where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suggestion_absent: Option<NoSuggestion>,
+    /// What is worth saying of a platform with more than the twelve coefficients.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<RemarkRecord>,
+    /// The position and the move that help such a platform most; absent: there is nothing but the twelve
+    /// coefficients, or nothing can be added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub additions: Option<AdditionsRecord>,
     /// The schedule analysed.
     pub schedule: ScheduleDocument,
     /// The study as resolved.
@@ -207,6 +219,9 @@ pub struct AnalysedObservability {
     pub condition_number: Option<f64>,
     /// The combinations that stay unobservable, by name.
     pub unobservable: Vec<String>,
+    /// The same over all estimated parameters, with what would tell them; absent: it cannot be worked out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<NamedObservabilityRecord>,
 }
 
 /// Something that is observable, but only through a small tilt: rows that are wrong by that angle
@@ -309,11 +324,12 @@ pub struct SuggestionRecord {
 }
 
 impl AnalysisDocument {
-    /// The document of an `analysis` of `schedule`, with the `evaluation` it rests on.
+    /// The document of an `analysis` of `schedule` by `objective`, with the `evaluation` it rests on.
     pub fn new(
         analysis: &Analysis,
         evaluation: &Evaluation,
         schedule: &Schedule,
+        objective: &Objective,
         inputs: &Inputs,
     ) -> Self {
         let o = &analysis.observability;
@@ -325,6 +341,7 @@ impl AnalysisDocument {
             total_time_s: evaluation.total_time_s,
             states: analysis.states.iter().map(Into::into).collect(),
             coefficients: coefficients(analysis, evaluation),
+            parameters: parameters::of(evaluation, objective),
             positions: analysis.positions.iter().map(Into::into).collect(),
             observability: AnalysedObservability {
                 rank: o.rank,
@@ -334,6 +351,7 @@ impl AnalysisDocument {
                 azimuth_order: analysis.azimuth_order,
                 condition_number: finite(o.condition_number),
                 unobservable: o.unobservable.iter().map(ToString::to_string).collect(),
+                parameters: NamedObservabilityRecord::of(evaluation),
             },
             nearly: analysis.nearly.iter().map(Into::into).collect(),
             correlations: Correlations {
@@ -346,6 +364,11 @@ impl AnalysisDocument {
             advice: analysis.advice.iter().map(ToString::to_string).collect(),
             suggestion: analysis.suggestion.as_ref().ok().map(Into::into),
             suggestion_absent: analysis.suggestion.as_ref().err().copied(),
+            remarks: analysis.remarks.iter().map(Into::into).collect(),
+            additions: match &analysis.additions {
+                Some(Ok(additions)) => Some(additions.into()),
+                _ => None,
+            },
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),

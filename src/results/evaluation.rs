@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::limits::LimitRecord;
+use super::named::NamedObservabilityRecord;
 use super::parameters::{self, BudgetRecord, ParameterRecord};
 use crate::config::StudyConfig;
 use crate::covariance::Precision;
@@ -13,7 +14,6 @@ use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Disagreement, Evaluation, MISALIGNMENT_NAMES, Objective, Score};
-use crate::observability::Observability;
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 use crate::suspicion::WarningRecord;
@@ -229,6 +229,9 @@ pub struct ObservabilityRecord {
     pub condition_number: Option<f64>,
     /// The combinations that stay unobservable, by name.
     pub unobservable: Vec<String>,
+    /// The same over all estimated parameters, with what would tell them; absent: it cannot be worked out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<NamedObservabilityRecord>,
 }
 
 /// σ against time, and what each position contributed.
@@ -298,7 +301,7 @@ impl EvaluationDocument {
             parameters: parameters::of(evaluation, objective),
             budget: parameters::budget(evaluation),
             limits: Vec::new(),
-            observability: ObservabilityRecord::from(&evaluation.observability),
+            observability: ObservabilityRecord::new(evaluation),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,
             precision: evaluation.precision.into(),
@@ -377,9 +380,11 @@ fn coefficients(
         .collect()
 }
 
-impl From<&Observability> for ObservabilityRecord {
-    fn from(o: &Observability) -> Self {
+impl ObservabilityRecord {
+    fn new(evaluation: &Evaluation) -> Self {
+        let o = &evaluation.observability;
         Self {
+            parameters: NamedObservabilityRecord::of(evaluation),
             rank: o.rank,
             unknowns: o.unknowns,
             condition_number: finite(o.condition_number),

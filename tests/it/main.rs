@@ -23,6 +23,7 @@ mod gradient;
 mod lanes;
 mod levelling;
 mod limits;
+mod named;
 mod near_aligned;
 mod observability;
 mod odd_platforms;

@@ -306,7 +306,13 @@ fn analysed(config: &PlatformConfig, schedule: &Schedule) -> (Analysis, Analysis
         config: scheme_opt::internals::config::StudyConfig::default(),
         defaulted: Vec::new(),
     };
-    let document = AnalysisDocument::new(&analysis, &evaluation, schedule, &inputs);
+    let document = AnalysisDocument::new(
+        &analysis,
+        &evaluation,
+        schedule,
+        evaluator.objective(),
+        &inputs,
+    );
     // Every number of it is a number: null in place of one could not be read back.
     let json = document.to_json().unwrap();
     assert_eq!(

@@ -1,8 +1,9 @@
 //! The analysis for people: tables and sentences, at most 80 columns wide.
 
+use crate::cli::named;
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::render;
+use crate::cli::table::{self, render};
 use crate::drift::DriftCoefficient;
 use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
@@ -27,6 +28,7 @@ const WEAKEST: usize = 4;
 /// The whole report.
 pub(super) fn analysis(document: &AnalysisDocument) -> String {
     [
+        of_what(document),
         "States: highest derivative of Z in their solution (- : not observable)\n\n".to_owned(),
         states(document),
         "\nCoefficients\n\n".to_owned(),
@@ -46,8 +48,55 @@ pub(super) fn analysis(document: &AnalysisDocument) -> String {
         classical(document),
         "\nWhat to add\n\n".to_owned(),
         advice(document),
+        of_all_parameters(document),
     ]
     .concat()
+}
+
+/// Whether there is more than the twelve coefficients in the paper's mounting.
+fn has_more(document: &AnalysisDocument) -> bool {
+    document.parameters.len() > document.coefficients.len()
+        || !document.remarks.is_empty()
+        || document.additions.is_some()
+}
+
+/// What the tables are of, where that is not all.
+fn of_what(document: &AnalysisDocument) -> String {
+    match document.parameters.len() > document.coefficients.len() {
+        true => {
+            wrap(
+                "First the twelve drift coefficients by themselves, everything else known (but in \
+                 sigma); all parameters of the platform are at the end.",
+            ) + "\n"
+        }
+        false => String::new(),
+    }
+}
+
+/// What there is beyond the twelve coefficients in the paper's mounting; empty where nothing is.
+fn of_all_parameters(document: &AnalysisDocument) -> String {
+    if !has_more(document) {
+        return String::new();
+    }
+    let others = &document.parameters[document.coefficients.len()..];
+    let mut text = "\nAll parameters of the platform\n".to_owned();
+    if !others.is_empty() {
+        text.push_str(&table::parameters(others));
+    }
+    if let Some(named) = &document.observability.parameters {
+        text.push('\n');
+        text.push_str(&named::unobservable(named));
+        text.push_str(&named::weak(named));
+    }
+    for remark in &document.remarks {
+        text.push('\n');
+        text.push_str(&wrap(&remark.words));
+    }
+    if let Some(additions) = &document.additions {
+        text.push('\n');
+        text.push_str(&named::additions(additions));
+    }
+    text
 }
 
 fn order(order: Option<Order>) -> String {

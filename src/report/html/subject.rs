@@ -43,7 +43,13 @@ impl Subject {
         let document =
             EvaluationDocument::new(&evaluation, &schedule, evaluator.objective(), &inputs);
         let analysis = Analysis::new(&evaluator, &schedule, &evaluation)?;
-        let analysis = AnalysisDocument::new(&analysis, &evaluation, &schedule, &inputs);
+        let analysis = AnalysisDocument::new(
+            &analysis,
+            &evaluation,
+            &schedule,
+            evaluator.objective(),
+            &inputs,
+        );
         let step_deg = CommandTable::DEFAULT_STEP_DEG;
         let commands = CommandTable::new(study.platform(), &timeline, step_deg)?;
         Ok(Self {

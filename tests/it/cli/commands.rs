@@ -209,6 +209,69 @@ fn evaluate_shows_every_parameter_by_group_and_the_budget() {
 }
 
 #[test]
+fn analyze_names_what_all_parameters_leave_out_and_what_would_help() {
+    let desk = Desk::new();
+    desk.write(
+        "s.csv",
+        "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,0,0,600\n180,0,0,600\n",
+    );
+    desk.write("p.toml", FULL);
+    let report = desk.done(&["analyze", "-s", "s.csv", "-p", "p.toml"]);
+    let text = report.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in [
+        "All parameters of the platform",
+        "By the measurements alone, whatever is known before: rank",
+        "needs slews about",
+        "need other positions",
+        "Sigma stays at least",
+        "The azimuth is measured",
+        "Drift along the vertical is vertical at every attitude: D_IX + D_IY + D_IZ;",
+        "What would help most, rated by sigma of what is not told so far",
+        "the best move",
+        "the better of both",
+    ] {
+        assert!(text.contains(part), "{part} in:\n{report}");
+    }
+    assert!(report.lines().all(|l| l.chars().count() <= 80), "{report}");
+    let args = ["analyze", "-s", "s.csv", "-p", "p.toml", "--json"];
+    let document: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    super::schemas::validate_analysis(&document);
+    assert_eq!(
+        document["parameters"].as_array().unwrap().len(),
+        12 + 15 + 9 + 2 + 6
+    );
+    let named = &document["observability"]["parameters"];
+    let unobservable = named["unobservable"].as_array().unwrap();
+    let missing = named["unknowns"].as_u64().unwrap() - named["rank"].as_u64().unwrap();
+    assert_eq!(unobservable.len() as u64, missing);
+    let slews = unobservable.iter().find(|u| u["remedy"]["kind"] == "slews");
+    assert!(slews.unwrap()["remedy"]["axes"].is_array());
+    assert!(named["vertical_drift"].as_array().unwrap().len() >= 4);
+    let additions = &document["additions"];
+    assert_eq!(additions["aim"]["kind"], "unobserved");
+    let best = match additions["move_is_better"].as_bool().unwrap() {
+        true => &additions["move"],
+        false => &additions["position"],
+    };
+    // What is suggested can be run, and does what is said.
+    let mut schedule = document["schedule"].clone();
+    let positions = schedule["positions"].as_array_mut().unwrap();
+    positions.extend(best["positions"].as_array().unwrap().iter().cloned());
+    desk.write("more.json", &schedule.to_string());
+    let args = ["evaluate", "-s", "more.json", "-p", "p.toml", "--json"];
+    let after: Value = serde_json::from_str(&desk.done(&args)).unwrap();
+    let criterion = after["score"]["criterion"].as_f64().unwrap();
+    assert!((criterion / best["criterion"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    // Of the default platform the text is what it was, and the document has more.
+    let report = desk.done(&["analyze", "-s", "s.csv"]);
+    assert!(!report.contains("All parameters"), "{report}");
+    let document: Value =
+        serde_json::from_str(&desk.done(&["analyze", "-s", "s.csv", "--json"])).unwrap();
+    assert!(document["observability"]["parameters"]["unobservable"].is_array());
+    assert!(document.get("additions").is_none() && document.get("remarks").is_none());
+}
+
+#[test]
 fn what_is_unobservable_is_said_in_words_and_null_in_json() {
     let desk = Desk::new();
     desk.write(

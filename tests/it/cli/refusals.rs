@@ -16,7 +16,6 @@ fn a_platform_with_more_errors_is_refused_where_they_would_be_ignored() {
         desk.write("s.csv", SCHEDULE);
         for command in [
             &["search", "full.toml"][..],
-            &["analyze", "-s", "s.csv", "-p", "full.toml"],
             &["simulate", "-s", "s.csv", "-p", "full.toml"],
             &["compare", "s.csv", "standard:faces-6", "-p", "full.toml"],
         ] {

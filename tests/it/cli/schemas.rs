@@ -49,6 +49,11 @@ fn validate(kind: DocumentKind, document: &Value) {
 }
 
 /// Of a platform with more than the twelve coefficients.
+pub fn validate_analysis(document: &Value) {
+    validate(DocumentKind::Analysis, document);
+}
+
+/// Of a platform with more than the twelve coefficients.
 pub fn validate_evaluation(document: &Value) {
     validate(DocumentKind::Evaluation, document);
     validate(DocumentKind::Platform, &document["inputs"]);
