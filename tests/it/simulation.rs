@@ -111,6 +111,7 @@ fn nonlinear_truth_agrees_with_the_linear_model_to_second_order() {
     let direction = InitialTruth {
         misalignment_n_arcsec: Vector3::from_fn(|_, _| random.between(-360.0, 360.0)),
         drift_deg_per_h: CoefficientVector::from_fn(|_, _| random.between(-10.0, 10.0)),
+        others: Vec::new(),
     };
     for mode in [Repositioning::Slew, Repositioning::FrameHold] {
         let (mut test_platform, schedule) = moving();
@@ -122,6 +123,7 @@ fn nonlinear_truth_agrees_with_the_linear_model_to_second_order() {
             let initial = InitialTruth {
                 misalignment_n_arcsec: direction.misalignment_n_arcsec * scale,
                 drift_deg_per_h: direction.drift_deg_per_h * scale,
+                others: Vec::new(),
             };
             let run = simulation(&test_platform, &schedule, options).trajectory(&initial, 1, 0);
             run.samples
@@ -416,6 +418,7 @@ fn paper(mode: Repositioning, misalignment_arcsec: f64, options: SimulationOptio
     let initial = InitialTruth {
         misalignment_n_arcsec: Vector3::repeat(misalignment_arcsec),
         drift_deg_per_h,
+        others: Vec::new(),
     };
     simulation(&platform, &schedule, options).trajectory(&initial, 1, 0)
 }
