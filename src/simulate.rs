@@ -186,7 +186,8 @@ impl Simulation {
         options.check()?;
         let program = Program::new(platform, timeline)?;
         let belief = Belief::new(platform, &options.told)?;
-        let gains = LinearGains::new(&program, &belief);
+        let is_linear = options.filter == FilterModel::Linear;
+        let gains = LinearGains::new(&program, &belief, is_linear);
         Ok(Self {
             platform: platform.clone(),
             options,

@@ -246,7 +246,7 @@ impl Study {
         };
         let error = Error::input(format!("`{what}` does not take this into account yet"))
             .with_key(key)
-            .with_allowed("left out; `evaluate` and `simulate` know it")
+            .with_allowed("left out; `evaluate` knows it")
             .with_hint("nothing is worked out rather than something for another platform");
         let error = match value {
             Some(value) => error.with_value(value),

@@ -360,7 +360,11 @@ impl SimulationDocument {
             rms_claimed_sigma_deg_per_h: found.rms_claimed_sigma_deg_per_h(),
             rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
             coefficients: DriftCoefficient::ALL.map(coefficient).to_vec(),
-            parameters: found.parameters.iter().map(SimulatedParameter::from).collect(),
+            parameters: found
+                .parameters
+                .iter()
+                .map(SimulatedParameter::from)
+                .collect(),
             misalignment: MISALIGNMENT_NAMES
                 .iter()
                 .zip(&found.misalignment)
@@ -373,7 +377,11 @@ impl SimulationDocument {
             nis: found.nis,
             nees_claimed: found.claimed.and_then(|c| c.nees),
             nis_claimed: found.claimed.and_then(|c| c.nis),
-            positions: found.positions.iter().map(SimulatedPosition::from).collect(),
+            positions: found
+                .positions
+                .iter()
+                .map(SimulatedPosition::from)
+                .collect(),
             rms_largest_misalignment_deg: found.rms_largest_misalignment_deg,
             sweep: sweep.iter().map(SweepRecord::from).collect(),
             schedule: ScheduleDocument::from(schedule),

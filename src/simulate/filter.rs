@@ -156,7 +156,7 @@ impl Filter<'_> {
             Self::Linear(f) => {
                 let known = parameters.iter().zip(&f.state.parameters);
                 (
-                    misalignment.relative_to(&f.rotation()),
+                    misalignment.relative_to_vector(&(f.state.psi / ARCSEC_PER_RAD)),
                     known.map(|(truth, estimate)| truth - estimate).collect(),
                 )
             }

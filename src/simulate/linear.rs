@@ -1,6 +1,6 @@
 //! The linear filter, its gains computed beforehand. Derivation: see [`crate::simulate`].
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use crate::units::ARCSEC_PER_RAD;
 
@@ -23,8 +23,8 @@ pub(super) struct LinearGains {
 }
 
 impl LinearGains {
-    /// Runs the covariance through `program`.
-    pub fn new(program: &Program, belief: &Belief) -> Self {
+    /// Runs the covariance through `program`; `keeps_gains` where a linear filter is to run by them.
+    pub fn new(program: &Program, belief: &Belief, keeps_gains: bool) -> Self {
         let sensors = &belief.sensors;
         let channels = program.outputs.iter().map(|output| {
             let of_accelerometers = sensors.channels(&SEEN_OF_PSI, output).into_iter();
@@ -34,12 +34,12 @@ impl LinearGains {
         let mut gains = Self {
             channels: channels.collect(),
             rows: sensors.rows(),
-            ticks: Vec::with_capacity(program.ticks),
+            ticks: Vec::new(),
             leg_ends: Vec::with_capacity(program.leg_ends.len()),
         };
         for (index, interval) in program.intervals.iter().enumerate() {
             let tick = gains.follow(&mut knowledge, program, belief, interval);
-            if interval.measured {
+            if interval.measured && keeps_gains {
                 gains.ticks.push(tick);
             }
             if program.leg_ends[gains.leg_ends.len()] == index {
@@ -88,11 +88,6 @@ impl<'a> LinearFilter<'a> {
             tick: 0,
             state: State::zero(estimated),
         }
-    }
-
-    /// The platform as it is estimated.
-    pub fn rotation(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_scaled_axis(self.state.psi / ARCSEC_PER_RAD)
     }
 
     /// Predicts through `interval`.

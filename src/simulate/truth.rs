@@ -232,6 +232,18 @@ impl Misalignment {
         psi.map(|rad| Angle::from_rad(rad).arcsec())
     }
 
+    /// The same from a platform of which ψ^n is estimated, `psi` in rad.
+    pub fn relative_to_vector(&self, psi: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            // To first order ψ is a vector of any length; as a rotation it would be one of half a turn
+            // at most.
+            Self::FirstOrder(truth) if psi.norm() > std::f64::consts::PI => {
+                (truth - psi).map(|rad| Angle::from_rad(rad).arcsec())
+            }
+            _ => self.relative_to(&UnitQuaternion::from_scaled_axis(*psi)),
+        }
+    }
+
     /// The rotation from an estimated platform to this one, in n, arcsec.
     pub fn relative_to(&self, estimate: &UnitQuaternion<f64>) -> Vector3<f64> {
         let eta = match self {

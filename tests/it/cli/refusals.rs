@@ -2,7 +2,7 @@
 
 use super::{Desk, SCHEDULE, names};
 
-/// So far only `evaluate` takes errors beyond the twelve coefficients into account.
+/// So far only `evaluate` and `simulate` take errors beyond the twelve coefficients into account.
 #[test]
 fn a_platform_with_more_errors_is_refused_where_they_would_be_ignored() {
     for (text, key) in [
@@ -18,7 +18,6 @@ fn a_platform_with_more_errors_is_refused_where_they_would_be_ignored() {
             &["search", "full.toml"][..],
             &["bound", "full.toml"],
             &["analyze", "-s", "s.csv", "-p", "full.toml"],
-            &["simulate", "-s", "s.csv", "-p", "full.toml"],
             &["compare", "s.csv", "standard:faces-6", "-p", "full.toml"],
         ] {
             desk.run(command).refused(&[
