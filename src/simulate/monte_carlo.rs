@@ -296,54 +296,58 @@ impl Simulation {
         let mut legs: Vec<PositionCheck> = (0..self.program.leg_ends.len())
             .map(|leg| self.position_check(records, leg, 1))
             .collect();
+        // Start and return too, though they are no positions: the end is theirs.
         let end = legs.len().checked_sub(1);
         let end = end.map(|leg| self.position_check(records, leg, self.judged()));
-        let measured = self.belief.sensors.count();
-        let ticks = self.program.ticks;
-        let nis = |part: fn(&Nis) -> f64| {
-            let sum = records.iter().map(|r| part(&r.nis)).sum();
-            Consistency::of_sum(self.judged(), sum, measured, runs * ticks)
-        };
-        let claimed_nees = || {
-            let sum = records.iter().map(|r| r.claimed_nees.states).sum();
-            Consistency::of_sum(self.judged(), sum, records[0].claimed_nees.state_dof, runs)
-        };
-        let ignores = !self.belief.considered_sigma.is_empty();
-        let squares: Vec<RunSquares> = records
-            .iter()
-            .map(|r| r.squares(measured * ticks))
-            .collect();
+        let measured = self.belief.sensors.count() * self.program.ticks;
+        let squares: Vec<RunSquares> = records.iter().map(|r| r.squares(measured)).collect();
         let off = records.iter().map(|r| r.largest_misalignment_deg.powi(2));
-        // Start and return too, though they are no positions: the end is theirs.
         let positions = legs.drain(self.program.positions.clone()).collect();
         let parameters = self.platform.errors().parameters().iter().enumerate();
+        let parameter_check = |(k, parameter): (usize, &Parameter)| ParameterCheck {
+            parameter: *parameter,
+            check: match parameter.role {
+                Role::Estimated => check(k),
+                Role::Considered => considered_check(records, k - known, parameter),
+            },
+        };
         Ok(MonteCarlo {
             runs,
             seed,
             coefficients: std::array::from_fn(check),
-            parameters: parameters
-                .map(|(k, parameter)| ParameterCheck {
-                    parameter: *parameter,
-                    check: match parameter.role {
-                        Role::Estimated => check(k),
-                        Role::Considered => considered_check(records, k - known, parameter),
-                    },
-                })
-                .collect(),
+            parameters: parameters.map(parameter_check).collect(),
             misalignment: std::array::from_fn(|i| check(known + i)),
             ratio_bounds,
             total_time_s: end.as_ref().map_or(0.0, |p| p.end_s),
             nees: end.and_then(|p| p.nees),
             nees_parameters: end.and_then(|p| p.nees_parameters),
             nees_coefficients: end.and_then(|p| p.nees_coefficients),
-            nis: nis(|n| n.own),
-            claimed: ignores.then(|| ClaimedConsistency {
-                nees: claimed_nees(),
-                nis: nis(|n| n.claimed),
-            }),
+            nis: self.nis(records, |n| n.own),
+            claimed: self.claimed(records),
             divergence: Divergence::of(&squares),
             rms_largest_misalignment_deg: (off.sum::<f64>() / runs as f64).sqrt(),
             positions,
+        })
+    }
+
+    /// NIS over the ticks of all runs.
+    fn nis(&self, records: &[RunRecord], part: fn(&Nis) -> f64) -> Option<Consistency> {
+        let sum = records.iter().map(|r| part(&r.nis)).sum();
+        let measured = self.belief.sensors.count();
+        let count = records.len() * self.program.ticks;
+        Consistency::of_sum(self.judged(), sum, measured, count)
+    }
+
+    /// The averages by what a filter claims that ignores parameters.
+    fn claimed(&self, records: &[RunRecord]) -> Option<ClaimedConsistency> {
+        let ignores = !self.belief.considered_sigma.is_empty();
+        ignores.then(|| {
+            let sum = records.iter().map(|r| r.claimed_nees.states).sum();
+            let dof = records[0].claimed_nees.state_dof;
+            ClaimedConsistency {
+                nees: Consistency::of_sum(self.judged(), sum, dof, records.len()),
+                nis: self.nis(records, |n| n.claimed),
+            }
         })
     }
 

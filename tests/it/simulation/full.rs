@@ -125,7 +125,9 @@ fn the_truth_of_every_error_is_that_of_the_covariance() {
                 .insert(name.into(), value);
             let schedule = moving().1;
             let mut positions = schedule.positions().to_vec();
-            positions.iter_mut().for_each(|p| p.dwell_s += 120.0);
+            for (i, p) in positions.iter_mut().enumerate() {
+                p.dwell_s = 200.0 + 37.0 * i as f64;
+            }
             if k == 1 {
                 positions[1].move_measured = Some(false);
             }
