@@ -131,6 +131,7 @@ fn simulate(
     let initial = InitialTruth {
         misalignment_n_arcsec: Vector3::repeat(reading.arcsec),
         drift_deg_per_h: coefficients * drift,
+        others: Vec::new(),
     };
     Ok(Simulation::new(platform, &timeline, options)?.trajectory(&initial, 1, 0))
 }

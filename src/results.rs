@@ -58,6 +58,6 @@ pub use result::{
 pub(crate) use result::{compared, skipped};
 pub use schemes::{SCHEMES_SCHEMA, SchemeListDocument, SchemeRecord};
 pub use simulation::{
-    JudgementRecord, SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment,
-    SimulatedPosition, SimulationDocument, SweepRecord,
+    ComparedWith, JudgementRecord, SIMULATION_SCHEMA, SimulatedCoefficient, SimulatedMisalignment,
+    SimulatedParameter, SimulatedPosition, SimulationDocument, SweepRecord,
 };

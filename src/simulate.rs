@@ -36,10 +36,29 @@
 //! average over a period have the 1σ of the platform file, and in n, where holding it leaves its
 //! covariance q t I during a slew too (w is isotropic).
 //!
+//! # Errors beyond the twelve coefficients
+//!
+//! With an error of the torquers the commanded rate no longer cancels: they turn the platform by
+//! (1 + T) ω_c, ω_c = C_n^c ω_ie^n + ω_nc^c as it was **commanded** for the computed axes, so that ε^p
+//! gains T ω_c. A move that takes no time still turns them: E is integrated along the way of the gimbals
+//! with no time passing. Only frame-hold has no such jump. The gyros' quadratic drift is one of the
+//! g^p that the true platform feels, 1 + G times as large as the gravity that is used. The
+//! accelerometers show f^p + δZ(f^p), f^p = −(1 + G) C_n^p g^n, with all their terms at the force that
+//! they feel; all three channels are simulated. An azimuth reference shows how far what should point
+//! North points off it about Up. The truth of first order has the same to first order in ψ and in the
+//! parameters ([`model`](crate::model)).
+//!
+//! A **considered** parameter is drawn for the truth like any other, and the filter does not know of
+//! it. Its error then is not what it claims. With the filter's own gains the effect of each considered
+//! parameter is carried along, and everything is compared with the true covariance P + Σ_c S Sᵀ:
+//! what the filter claims, P, beside it. Innovations of such a filter are no white noise; NIS is taken of
+//! what is left of them without the share of the considered parameters, which a simulation knows.
+//!
 //! # Filters
 //!
 //! [`FilterModel::Linear`] is the paper's: the Kalman filter on (8), (9), linearised at ψ = 0.
-//! Its gains do not depend on the data and are computed once for all runs.
+//! Its gains do not depend on the data and are computed once for all runs. It has the states that are
+//! estimated; the vertical channel too where these tell of the accelerometers, and the azimuth.
 //!
 //! That model asks more than a small ψ: it drops ψ × ε. With drifts of 10 °/h left
 //! uncompensated the platform turns by degrees within a position, and the dropped products
@@ -53,17 +72,23 @@
 //! ```
 //!
 //! the linear filter with the attitude the platform is estimated to have, and one more term: the
-//! tilt changes the specific force and so the drift. The measurement equation is (9) unchanged.
+//! tilt changes the specific force and so the drift. M is ∂ε/∂g at that attitude; the torquers' part has
+//! the commanded rate for a feature. The measurement equation is (9) unchanged; with errors of
+//! the accelerometers η × g is turned by Ĉ_p^n (I + ∂δZ/∂f) Ĉ_n^p, and the parameters add δZ at Ĉ_p^n.
 //!
 //! [`FilterModel::Iterated`] linearises about the estimate of the *whole* test: it traces the
 //! estimate back to the start, goes through the measurements again with the same prior, and
 //! repeats that until the estimate stays (Gauss–Newton). It forgets what early, wrong points of
 //! linearisation did to the extended filter.
 
+mod channels;
 pub mod consistency;
 pub mod divergence;
 mod ekf;
+mod filter;
+mod instruments;
 pub mod judgement;
+mod linear;
 mod monte_carlo;
 mod options;
 mod program;
@@ -73,7 +98,9 @@ mod sweep;
 mod trajectory;
 mod truth;
 
-pub use monte_carlo::{MAX_RUNS, MonteCarlo, PositionCheck, StateCheck};
+pub use monte_carlo::{
+    ClaimedConsistency, MAX_RUNS, MonteCarlo, ParameterCheck, PositionCheck, StateCheck,
+};
 pub use options::{
     FilterModel, InitialTruth, SimulationOptions, ToldNoise, TruthModel, TruthNoise,
 };
@@ -88,10 +115,11 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::platform::Platform;
 
-use ekf::{Belief, ExtendedFilter, Filter, LinearFilter, LinearGains};
+use ekf::ExtendedFilter;
+use filter::{Belief, Filter};
+use linear::{LinearFilter, LinearGains};
 use program::Program;
-use square_root::StateVector;
-use truth::{TrueNoise, TruthRecord};
+use truth::{Start, TrueNoise, TruthRecord};
 
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
@@ -116,8 +144,6 @@ pub struct Simulation {
     options: SimulationOptions,
     program: Program,
     belief: Belief,
-    /// 1σ that truths are drawn with.
-    prior_sigma: StateVector,
     /// Of the linear filter.
     gains: LinearGains,
 }
@@ -134,7 +160,16 @@ struct FinishedInterval<'s, 'a> {
     index: usize,
     record: &'s TruthRecord,
     filter: &'s Filter<'a>,
-    nis: Option<f64>,
+    nis: Option<Nis>,
+}
+
+/// Normalised innovation squared of one tick.
+#[derive(Debug, Clone, Copy, Default)]
+struct Nis {
+    /// By the filter's own claims.
+    claimed: f64,
+    /// Without the share of the considered parameters; where there are none the same.
+    own: f64,
 }
 
 impl Simulation {
@@ -150,12 +185,12 @@ impl Simulation {
     ) -> Result<Self> {
         options.check()?;
         let program = Program::new(platform, timeline)?;
-        let belief = Belief::new(platform, &options.told);
-        let gains = LinearGains::new(&program, &belief, &mut |_| {});
+        let belief = Belief::new(platform, &options.told)?;
+        let is_linear = options.filter == FilterModel::Linear;
+        let gains = LinearGains::new(&program, &belief, is_linear);
         Ok(Self {
             platform: platform.clone(),
             options,
-            prior_sigma: belief.prior_sigma,
             program,
             belief,
             gains,
@@ -173,14 +208,24 @@ impl Simulation {
             TruthNoise::Drawn => TrueNoise {
                 drift_psd: self.platform.drift_psd_rad2_per_s(),
                 accelerometer_g: self.platform.noise_g(),
+                azimuth_rad: self.platform.azimuth_noise_rad(),
             },
             TruthNoise::None => TrueNoise {
                 drift_psd: 0.0,
                 accelerometer_g: 0.0,
+                azimuth_rad: self.platform.azimuth_noise_rad().map(|_| 0.0),
             },
         };
+        let mut parameters = initial.drift_deg_per_h.as_slice().to_vec();
+        parameters.extend(&initial.others);
+        parameters.resize(self.platform.errors().parameters().len(), 0.0);
+        let start = Start {
+            misalignment_n_arcsec: &initial.misalignment_n_arcsec,
+            instruments: &self.belief.layout.instruments(&parameters),
+            parameters,
+        };
         let (model, earth) = (self.options.truth, &self.belief.earth_rate_n);
-        TruthRecord::new(&self.program, earth, model, initial, noise, random)
+        TruthRecord::new(&self.program, earth, model, start, noise, random)
     }
 
     /// What the filter makes of a run. `observe` is called after every interval; an iterated
@@ -192,7 +237,8 @@ impl Simulation {
         observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
     ) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
-            let filter = Filter::Linear(LinearFilter::new(&self.gains));
+            let filter = LinearFilter::new(&self.gains, self.belief.estimated());
+            let filter = Filter::Linear(filter);
             self.pass(record, filter, observe);
             return None;
         }
@@ -226,11 +272,23 @@ impl Simulation {
         mut filter: Filter<'a>,
         observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
     ) -> Filter<'a> {
+        let considered = self.considered_in_sigma(record);
         for (index, interval) in self.program.intervals.iter().enumerate() {
             filter.advance(&self.program, interval);
-            let nis = interval
-                .measured
-                .then(|| filter.measure(interval, &record.z[index]));
+            let nis = interval.measured.then(|| {
+                let mut nis = Nis::default();
+                filter.measure(
+                    interval,
+                    &record.measured[index],
+                    &mut |innovation, gain| {
+                        let by_considered = considered.iter().zip(&gain.by_considered);
+                        let share: f64 = by_considered.map(|(c, by)| c * by).sum();
+                        nis.claimed += innovation.powi(2);
+                        nis.own += (innovation - share / gain.innovation_sigma).powi(2);
+                    },
+                );
+                nis
+            });
             observe(&FinishedInterval {
                 index,
                 record,
@@ -239,6 +297,17 @@ impl Simulation {
             });
         }
         filter
+    }
+
+    /// The considered parameters of a run in their prior 1σ.
+    fn considered_in_sigma(&self, record: &TruthRecord) -> Vec<f64> {
+        let considered = &record.parameters[self.belief.estimated()..];
+        let in_sigma = |(value, sigma): (&f64, &f64)| match *sigma > 0.0 {
+            true => value / sigma,
+            false => 0.0,
+        };
+        let sigma = &self.belief.considered_sigma;
+        considered.iter().zip(sigma).map(in_sigma).collect()
     }
 }
 

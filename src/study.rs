@@ -39,7 +39,6 @@ use crate::commands::CommandTable;
 use crate::config::{CheckedConfig, StudyConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
-use crate::model::Mounting;
 use crate::motion::Timeline;
 use crate::results::{AnalysisDocument, BoundDocument, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
@@ -237,35 +236,6 @@ impl Study {
     #[cfg(feature = "cli")]
     pub(crate) fn platform(&self) -> &crate::platform::Platform {
         self.checked.platform()
-    }
-
-    /// Refuses a platform of which `what` would leave something out: whatever is more than ψ and the
-    /// twelve coefficients in the paper's mounting, seen in two channels.
-    fn only_of_the_paper(&self, what: &str) -> Result<()> {
-        match self.checked.platform().is_of_the_paper() {
-            true => Ok(()),
-            false => self.refuse_full(what),
-        }
-    }
-
-    /// Refuses by the first key that `what` does not know.
-    fn refuse_full(&self, what: &str) -> Result<()> {
-        let noise_arcsec = self.config().platform.azimuth.noise_arcsec;
-        let is_papers = *self.evaluator.model().mounting() == Mounting::PAPER;
-        let (key, value) = match (noise_arcsec, is_papers) {
-            (Some(noise), _) => ("azimuth.noise_arcsec", Some(noise)),
-            (None, false) => ("gyro.output_axis", None),
-            (None, true) => ("errors", None),
-        };
-        let error = Error::input(format!("`{what}` does not take this into account yet"))
-            .with_key(key)
-            .with_allowed("left out; `evaluate` knows it")
-            .with_hint("nothing is worked out rather than something for another platform");
-        let error = match value {
-            Some(value) => error.with_value(value),
-            None => error,
-        };
-        Err(self.source.located(error))
     }
 
     /// Refuses limits of a search that contradict each other; a schedule that is given can be

@@ -121,6 +121,11 @@ fn orders(document: &ComparisonDocument) -> String {
              12 positions not all orders are gone through",
         ),
         (
+            Proof::OtherErrors,
+            "+ the same positions in the best order found: a better one may exist; with errors beyond \
+             the twelve coefficients the other orders are not gone through",
+        ),
+        (
             Proof::OtherTriples,
             "+ the best order found, some attitudes by other Euler triples: better than every order \
              of the positions as they are, all of which were gone through; a better one may exist",

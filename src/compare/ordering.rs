@@ -42,6 +42,9 @@ pub enum Proof {
     StepLimit,
     /// There are too many positions to go through their orders: a better one may exist.
     TooManyPositions,
+    /// What is known of the orders that are not gone through holds for the twelve coefficients alone,
+    /// and the platform has other errors: a better one may exist.
+    OtherErrors,
     /// All orders of the positions as given were gone through, and one that takes some attitudes
     /// by other Euler triples was found to be better: a better one may exist.
     OtherTriples,
@@ -84,9 +87,11 @@ pub(super) fn best_order(
     };
     let given = orders(false);
     let found = found::search(&given, seed);
-    let (best, proof, steps) = match positions.len() <= MOST_PROVEN {
-        false => (found, Proof::TooManyPositions, 0),
-        true => {
+    let is_of_the_paper = evaluator.model().is_of_the_paper();
+    let (best, proof, steps) = match (positions.len() <= MOST_PROVEN, is_of_the_paper) {
+        (false, _) => (found, Proof::TooManyPositions, 0),
+        (_, false) => (found, Proof::OtherErrors, 0),
+        (true, true) => {
             let gone = tree::go_through(&given, found, most_steps);
             let proof = match gone.complete {
                 true => Proof::Complete,
@@ -96,8 +101,9 @@ pub(super) fn best_order(
         }
     };
     let motion = evaluator.platform().motion();
-    let triples_matter =
-        motion.slew_rate_rad_per_s.is_some() && motion.repositioning == Repositioning::Slew;
+    let ways_count =
+        motion.slew_rate_rad_per_s.is_some() || evaluator.platform().errors().feels_rates();
+    let triples_matter = ways_count && motion.repositioning == Repositioning::Slew;
     let by_others = orders(true);
     let other = match triples_matter {
         true => found::search(&by_others, seed),

@@ -35,10 +35,11 @@ use crate::motion::integral::for_each_share;
 use crate::motion::{Leg, Move, Timeline};
 
 /// What each parameter does: on which instrument, by which feature and factor.
-struct Mixing<T>(Vec<Vec<(Instrument, Feature, T)>>);
+#[derive(Debug, Clone)]
+pub(crate) struct Mixing<T>(Vec<Vec<(Instrument, Feature, T)>>);
 
 impl<T: Real> Mixing<T> {
-    fn new(effects: &[Vec<Effect>]) -> Self {
+    pub fn new(effects: &[Vec<Effect>]) -> Self {
         let of = |e: &Effect| (e.on, e.feature, T::from(e.factor));
         Self(
             effects
@@ -48,8 +49,23 @@ impl<T: Real> Mixing<T> {
         )
     }
 
-    fn nothing(&self) -> Matrix3xX<T> {
+    /// Three rows of zeros.
+    pub fn nothing(&self) -> Matrix3xX<T> {
         Matrix3xX::zeros(self.0.len())
+    }
+
+    /// Whether any parameter shows in what an accelerometer reads.
+    pub fn has_accelerometers(&self) -> bool {
+        let mut all = self.0.iter().flatten();
+        all.any(|(on, ..)| matches!(on, Instrument::Accelerometer(_)))
+    }
+
+    /// Whether the commanded rate drives any.
+    pub fn has_torquers(&self) -> bool {
+        self.0
+            .iter()
+            .flatten()
+            .any(|(_, feature, _)| feature.is_rate())
     }
 
     /// Σ over the effects of each parameter on gyros, or on accelerometers, of the instrument's
@@ -77,24 +93,35 @@ impl<T: Real> Mixing<T> {
     }
 
     /// A where what is no rate counts `times` and the commanded rate is `rate`.
-    fn drift(&self, c: &Matrix3<T>, rate: &Vector3<T>, times: T) -> Matrix3xX<T> {
+    pub fn drift(&self, c: &Matrix3<T>, rate: &Vector3<T>, times: T) -> Matrix3xX<T> {
+        self.turned_drift(c, c, rate, times)
+    }
+
+    /// The same with X C_c^n, for X A.
+    pub fn turned_drift(
+        &self,
+        xc: &Matrix3<T>,
+        c: &Matrix3<T>,
+        rate: &Vector3<T>,
+        times: T,
+    ) -> Matrix3xX<T> {
         // g^c is minus the Up row of C_c^n.
         let a = -c.row(UP).transpose();
-        self.columns(c, true, |feature| match feature {
+        self.columns(xc, true, |feature| match feature {
             Feature::Rate(axis) => rate[axis],
             other => power(&a, other) * times,
         })
     }
 
     /// b^n of each parameter.
-    fn output(&self, c: &Matrix3<T>) -> Matrix3xX<T> {
+    pub fn output(&self, c: &Matrix3<T>) -> Matrix3xX<T> {
         let f = c.row(UP).transpose();
         self.columns(c, false, |feature| power(&f, feature))
     }
 }
 
 /// The parameters of a platform.
-pub(super) struct Selection<'a, T: Real> {
+pub(crate) struct Selection<'a, T: Real> {
     model: &'a CovarianceModel,
     mixing: Mixing<T>,
     /// The same for drift integrals.
@@ -107,7 +134,7 @@ pub(super) struct Selection<'a, T: Real> {
 }
 
 /// An attitude with what the parameters do there.
-pub(super) struct Place<T> {
+pub(crate) struct Place<T> {
     /// C_c^n.
     c: Matrix3<T>,
     /// A, or A' where the accelerometers have errors.
@@ -176,7 +203,7 @@ impl<'a, T: Real> Selection<'a, T> {
 
     /// B = ∫ Φ(t_end − t) (A dt + C_c^n T ω_nc^c ds) over a part of a move, start and length as
     /// fractions of it, in doubles.
-    fn part_of_move(&self, m: &Move, (start, length): (f64, f64)) -> Matrix3xX<f64> {
+    pub fn part_of_move(&self, m: &Move, (start, length): (f64, f64)) -> Matrix3xX<f64> {
         let model = self.model;
         let mut b = self.in_doubles.nothing();
         for_each_share(m, (start, length), self.degree, |at, share| {

@@ -12,6 +12,9 @@ const SAMPLES: usize = 400;
 const COLUMNS: usize = 3;
 const TIME: &str = "time, s";
 const BAND: &str = "estimate ± 3σ";
+const ERROR_BAND: &str = "± 3σ of the filter";
+/// The same where the filter ignores parameters.
+const TRUE_ERROR_BAND: &str = "± 3σ, what the filter ignores included";
 
 /// One state of a run at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +36,7 @@ struct StateCurve {
     points: Vec<Point>,
 }
 
-/// Truth, estimate and ±3σ of all 15 states against time.
+/// Truth, estimate and ±3σ of all states against time.
 pub fn states(trajectory: &Trajectory) -> Figure {
     let figure = Figure::new(COLUMNS).with_title("One run: truth and estimates");
     all_states(trajectory)
@@ -41,13 +44,17 @@ pub fn states(trajectory: &Trajectory) -> Figure {
         .fold(figure, |figure, s| figure.with_panel(state_panel(s)))
 }
 
-/// Estimate minus truth within ±3σ, of all 15 states against time. The scale is that of the
+/// Estimate minus truth within ±3σ, of all states against time. The scale is that of the
 /// second half of the test; what is larger before is cut off.
 pub fn errors(trajectory: &Trajectory) -> Figure {
     let figure = Figure::new(COLUMNS).with_title("One run: errors of the estimates");
+    let band = match trajectory.ignores {
+        true => TRUE_ERROR_BAND,
+        false => ERROR_BAND,
+    };
     all_states(trajectory)
         .iter()
-        .fold(figure, |figure, s| figure.with_panel(error_panel(s)))
+        .fold(figure, |figure, s| figure.with_panel(error_panel(s, band)))
 }
 
 fn all_states(trajectory: &Trajectory) -> Vec<StateCurve> {
@@ -91,7 +98,17 @@ fn all_states(trajectory: &Trajectory) -> Vec<StateCurve> {
             ]
         }),
     });
-    angles.chain(drifts).collect()
+    let others = trajectory.others.iter().enumerate();
+    let others = others.map(|(i, (parameter, truth))| StateCurve {
+        name: parameter.name.to_owned(),
+        units: [parameter.unit.name(); 2],
+        error_scale: 1.0,
+        points: points(&kept, |s| {
+            let [estimate, sigma] = s.others[i];
+            [*truth, estimate, estimate - truth, sigma]
+        }),
+    });
+    angles.chain(drifts).chain(others).collect()
 }
 
 fn points(samples: &[&Sample], values: impl Fn(&Sample) -> [f64; 4]) -> Vec<Point> {
@@ -159,7 +176,7 @@ fn state_range(points: &[Point]) -> [f64; 2] {
     [low - space, high + space]
 }
 
-fn error_panel(state: &StateCurve) -> Panel {
+fn error_panel(state: &StateCurve, name_of_band: &str) -> Panel {
     let scale = state.error_scale;
     let error = |p: &Point| scale * p.error;
     let limit = |p: &Point| 3.0 * scale * p.sigma;
@@ -173,7 +190,7 @@ fn error_panel(state: &StateCurve) -> Panel {
     let y_label = format!("error, {}", state.units[1]);
     let panel = Panel::new(&state.name, TIME, y_label)
         .with_band(Band::new(
-            "± 3σ of the filter",
+            name_of_band,
             Color::SkyBlue,
             state.points.iter().map(band).collect(),
         ))

@@ -42,9 +42,9 @@ use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
 use crate::report::words;
 use crate::results::{
-    AnalysisDocument, COMPARISON_SCHEMA, CertificateRecord, ComparisonDocument, EVALUATION_SCHEMA,
-    EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA, SimulationDocument,
-    TOOL_VERSION, WarningRecord,
+    AnalysisDocument, COMPARISON_SCHEMA, CertificateRecord, ComparedWith, ComparisonDocument,
+    EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
+    SimulationDocument, TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
 use crate::wording::seconds;
@@ -156,8 +156,8 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     sections.extend(body(&subject));
     let mut blocks = vec![
         Block::Text(format!(
-            "{} runs of the test with {} truth and {} filter, each with its own drift, \
-             misalignment and noise. The drift is not compensated meanwhile: at its farthest the \
+            "{} runs of the test with {} truth and {} filter, each with its own errors of the \
+             instruments, misalignment and noise. The drift is not compensated meanwhile: at its farthest the \
              platform is {:.2}° off the computed frame (RMS of the runs).",
             document.runs, document.truth, document.filter, document.rms_largest_misalignment_deg,
         )),
@@ -169,15 +169,25 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
         },
         Block::Table(tables::simulated(document)),
     ];
+    let others = words::other_parameters(document);
+    if !others.is_empty() {
+        blocks.push(Block::Table(tables::simulated_parameters(others)));
+    }
+    if document.compared_with == ComparedWith::FilterAndConsidered {
+        blocks.push(Block::Text(words::columns(document)));
+    }
     let judgement = document.judgement.as_ref();
     if let Some(check) = judgement.and_then(|j| j.specification.as_ref()) {
         blocks.push(Block::Table(tables::specification(check)));
         blocks.push(Block::Text(words::intervals(check)));
     }
     blocks.push(Block::Table(tables::consistency(document)));
-    blocks.push(Block::Text(words::BOUNDS.to_owned()));
+    blocks.push(Block::Text(words::bounds(document)));
     if !document.sweep.is_empty() {
         blocks.push(Block::Table(tables::sweep(document)));
+        if !others.is_empty() {
+            blocks.push(Block::Text(words::SWEPT.to_owned()));
+        }
     }
     sections.push(Section::new("simulation", "Monte Carlo check", blocks));
     sections.push(Section::new(

@@ -2,7 +2,10 @@
 
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
-use crate::results::{CertificateRecord, EvaluationDocument, ResultDocument, SimulationDocument};
+use crate::results::{
+    CertificateRecord, ComparedWith, EvaluationDocument, ResultDocument, SimulatedParameter,
+    SimulationDocument,
+};
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
@@ -223,10 +226,71 @@ pub fn consistency(c: &Consistency) -> [String; 4] {
     ]
 }
 
+/// The averages at the end of a simulation by name: those that make the verdict first.
+pub fn averages(document: &SimulationDocument) -> Vec<(&'static str, &Option<Consistency>)> {
+    let ignores = document.compared_with == ComparedWith::FilterAndConsidered;
+    let mut averages = vec![("NEES, all states", &document.nees)];
+    if document.nees_parameters.is_some() {
+        averages.push(("NEES, parameters", &document.nees_parameters));
+    }
+    averages.push(("NEES, coefficients", &document.nees_coefficients));
+    match ignores {
+        false => averages.push(("NIS", &document.nis)),
+        true => averages.extend([
+            ("NIS without what is ignored", &document.nis),
+            ("NEES as claimed", &document.nees_claimed),
+            ("NIS as claimed", &document.nis_claimed),
+        ]),
+    }
+    averages
+}
+
 /// How the bounds of a simulation's averages are to be read.
-pub const BOUNDS: &str = "All three averages at the end lie within their bounds in 95 of 100 \
-    simulations of a consistent filter; they make the verdict. Those of the positions are taken \
-    each by itself: one in twenty is outside by chance.";
+pub fn bounds(document: &SimulationDocument) -> String {
+    let count = match document.nees_parameters.is_some() {
+        true => "four",
+        false => "three",
+    };
+    let claimed = match document.compared_with {
+        ComparedWith::Filter => "",
+        ComparedWith::FilterAndConsidered => {
+            " As claimed: by the filter's own covariance, which does not know of the considered \
+             parameters; it is no part of the verdict. NIS as claimed is what the stand would see."
+        }
+    };
+    format!(
+        "All {count} averages at the end lie within their bounds in 95 of 100 simulations of a \
+         consistent filter; they make the verdict. Those of the positions are taken each by itself: \
+         one in twenty is outside by chance.{claimed}"
+    )
+}
+
+/// The parameters of a simulation beyond the twelve coefficients.
+pub fn other_parameters(document: &SimulationDocument) -> &[SimulatedParameter] {
+    let twelve = document.coefficients.len().min(document.parameters.len());
+    &document.parameters[twelve..]
+}
+
+/// What the columns of a simulation's errors are.
+pub fn columns(document: &SimulationDocument) -> String {
+    let [low, high] = document.ratio_bounds;
+    match document.compared_with {
+        ComparedWith::Filter => format!(
+            "ratio: RMS of error/sigma; 95 of 100 lie between {low:.3} and {high:.3} for a filter \
+             that is right about itself. planned: sigma by the linear model, as `evaluate` has it."
+        ),
+        ComparedWith::FilterAndConsidered => format!(
+            "sigma: the truth, in which the considered parameters count; claimed: what the filter \
+             says, which does not know of them. ratio: RMS of error/sigma; 95 of 100 lie between \
+             {low:.3} and {high:.3} if the truth is as predicted. planned: the true sigma by the \
+             linear model, as `evaluate` has it."
+        ),
+    }
+}
+
+/// What a sweep of a platform with more errors than the coefficients leaves alone.
+pub const SWEPT: &str = "Swept are the misalignment and the twelve drift coefficients; the other \
+    parameters are drawn from their own priors at every point.";
 
 /// How the intervals of a simulation's errors are to be read.
 pub fn intervals(check: &SpecificationCheck) -> String {

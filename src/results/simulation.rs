@@ -12,14 +12,29 @@ use crate::simulate::divergence::Divergence;
 use crate::simulate::judgement::Judgement;
 use crate::simulate::specification::SpecificationCheck;
 use crate::simulate::{
-    FilterModel, MonteCarlo, SimulationOptions, StateCheck, SweepPoint, TruthModel,
+    FilterModel, MonteCarlo, ParameterCheck, PositionCheck, SimulationOptions, StateCheck,
+    SweepPoint, TruthModel,
 };
 use crate::suspicion::WarningRecord;
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::parameters::RoleRecord;
 
 /// Name and major version of the [`SimulationDocument`].
 pub const SIMULATION_SCHEMA: &str = "scheme-opt/simulation/1";
+
+/// Whose covariance the errors of the runs are compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum ComparedWith {
+    /// That of the filter, which knows of everything that the platform has.
+    #[default]
+    Filter,
+    /// The true one of a filter that does not know of the considered parameters: what it claims, and
+    /// what they do to its errors.
+    FilterAndConsidered,
+}
 
 /// What many simulated runs of a test show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,6 +59,12 @@ pub struct SimulationDocument {
     pub told_accelerometer_factor: f64,
     /// Random drift told to the filter, as a factor of the true one.
     pub told_random_drift_factor: f64,
+    /// Noise of the azimuth told to the filter, as a factor of the true one; absent: it is not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub told_azimuth_factor: Option<f64>,
+    /// Whose covariance `sigma_…`, `ratio` and `nees…` are of.
+    #[serde(default)]
+    pub compared_with: ComparedWith,
     /// What is to be thought of the filter: the verdict of `judgement`.
     pub verdict: Verdict,
     /// The verdict with its numbers and in sentences; absent in documents of versions that did
@@ -52,24 +73,43 @@ pub struct SimulationDocument {
     pub judgement: Option<JudgementRecord>,
     /// √(mean over the coefficients of the squared RMS errors), °/h.
     pub rms_error_deg_per_h: f64,
-    /// √(mean over the coefficients of the filter's variances), °/h.
+    /// √(mean over the coefficients of the variances), °/h; whose they are says `compared_with`.
     pub rms_sigma_deg_per_h: f64,
+    /// The same as the filter claims it, °/h; absent: nothing is considered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_claimed_sigma_deg_per_h: Option<f64>,
     /// The same of the linear model, known before any test, °/h.
     pub rms_planned_sigma_deg_per_h: f64,
     /// The drift coefficients, D_FX to D_SZ.
     pub coefficients: Vec<SimulatedCoefficient>,
+    /// All parameters of the platform, the coefficients first, those that are considered last; empty in
+    /// documents of versions that did not know of others.
+    #[serde(default)]
+    pub parameters: Vec<SimulatedParameter>,
     /// The misalignment at the end.
     pub misalignment: Vec<SimulatedMisalignment>,
     /// Where 95 of 100 ratios of a consistent filter lie.
     pub ratio_bounds: [f64; 2],
     /// NEES over all states at the end; null when everything is known exactly. The bounds of this
-    /// and the next two are such that all three of a consistent filter are within in 95 of 100
+    /// and of what follows up to `nis` are such that all of a consistent filter are within in 95 of 100
     /// simulations.
     pub nees: Option<Consistency>,
+    /// NEES over all estimated parameters at the end; absent where they are the coefficients alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nees_parameters: Option<Consistency>,
     /// NEES over the coefficients at the end.
     pub nees_coefficients: Option<Consistency>,
-    /// NIS over the ticks of all runs; null without a measurement.
+    /// NIS over the ticks of all runs; null without a measurement. Of a filter that ignores considered
+    /// parameters it is of what the innovations are without their share.
     pub nis: Option<Consistency>,
+    /// NEES over all states by what the filter claims; absent: nothing is considered. It is no part of
+    /// the verdict.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nees_claimed: Option<Consistency>,
+    /// NIS by what the filter claims, which is what the stand sees; absent: nothing is considered. It
+    /// is no part of the verdict.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nis_claimed: Option<Consistency>,
     /// NEES at the end of every position.
     pub positions: Vec<SimulatedPosition>,
     /// RMS over the runs of the largest angle the platform was off the computed frame, degrees.
@@ -128,12 +168,62 @@ pub struct SimulatedCoefficient {
     pub name: DriftCoefficient,
     /// RMS error, °/h.
     pub rms_error_deg_per_h: f64,
-    /// RMS of the filter's 1σ, °/h.
+    /// RMS of the 1σ, °/h; whose it is says `compared_with`.
     pub sigma_deg_per_h: f64,
+    /// The same as the filter claims it, °/h; absent: nothing is considered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub claimed_sigma_deg_per_h: Option<f64>,
     /// 1σ by the linear model, known before any test, °/h.
     pub planned_sigma_deg_per_h: f64,
     /// RMS of error/σ; null: known exactly.
     pub ratio: Option<f64>,
+}
+
+/// Errors of one parameter at the end, in its own unit. The filter leaves a considered parameter as it
+/// was: its error is the value it has, its σ the one before the test.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct SimulatedParameter {
+    /// `D_FX`, `T_XY`, `K_0Z` …
+    pub name: String,
+    /// The key of its group, in `[prior]` for the drift coefficients, in `[errors]` for others.
+    pub group: String,
+    /// `deg/h`, `deg/h/g`, `deg/h/g2`, `ppm`, `arcsec`, `ug`, `ug/g2` or `ug/g3`.
+    pub unit: String,
+    /// Whether the filter knows of it.
+    pub role: RoleRecord,
+    /// 1σ before the test.
+    pub prior_sigma: f64,
+    /// RMS error.
+    pub rms_error: f64,
+    /// RMS of the 1σ; whose it is says `compared_with`.
+    pub sigma: f64,
+    /// The same as the filter claims it; absent: nothing is considered, or this parameter is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub claimed_sigma: Option<f64>,
+    /// 1σ by the linear model, known before any test.
+    pub planned_sigma: f64,
+    /// RMS of error/σ; null: known exactly.
+    pub ratio: Option<f64>,
+}
+
+impl From<&ParameterCheck> for SimulatedParameter {
+    fn from(found: &ParameterCheck) -> Self {
+        let (p, c) = (&found.parameter, &found.check);
+        Self {
+            name: p.name.to_owned(),
+            group: p.group.to_owned(),
+            unit: p.unit.name().to_owned(),
+            role: p.role.into(),
+            prior_sigma: p.prior_sigma,
+            rms_error: c.rms_error,
+            sigma: c.sigma,
+            claimed_sigma: c.claimed_sigma,
+            planned_sigma: c.planned_sigma,
+            ratio: c.ratio.and_then(finite),
+        }
+    }
 }
 
 /// Errors of one misalignment angle at the end.
@@ -145,8 +235,11 @@ pub struct SimulatedMisalignment {
     pub name: String,
     /// RMS error, arcsec.
     pub rms_error_arcsec: f64,
-    /// RMS of the filter's 1σ, arcsec.
+    /// RMS of the 1σ, arcsec; whose it is says `compared_with`.
     pub sigma_arcsec: f64,
+    /// The same as the filter claims it, arcsec; absent: nothing is considered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub claimed_sigma_arcsec: Option<f64>,
     /// 1σ by the linear model, known before any test, arcsec.
     pub planned_sigma_arcsec: f64,
     /// RMS of error/σ; null: known exactly.
@@ -162,8 +255,22 @@ pub struct SimulatedPosition {
     pub end_s: f64,
     /// NEES over all states.
     pub nees: Option<Consistency>,
+    /// NEES over all estimated parameters; absent where they are the coefficients alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nees_parameters: Option<Consistency>,
     /// NEES over the coefficients.
     pub nees_coefficients: Option<Consistency>,
+}
+
+impl From<&PositionCheck> for SimulatedPosition {
+    fn from(p: &PositionCheck) -> Self {
+        Self {
+            end_s: p.end_s,
+            nees: p.nees,
+            nees_parameters: p.nees_parameters,
+            nees_coefficients: p.nees_coefficients,
+        }
+    }
 }
 
 /// Consistency for one size of the prior.
@@ -215,6 +322,7 @@ impl SimulationDocument {
                 name,
                 rms_error_deg_per_h: c.rms_error,
                 sigma_deg_per_h: c.sigma,
+                claimed_sigma_deg_per_h: c.claimed_sigma,
                 planned_sigma_deg_per_h: c.planned_sigma,
                 ratio: c.ratio.and_then(finite),
             }
@@ -223,14 +331,11 @@ impl SimulationDocument {
             name: (*name).to_owned(),
             rms_error_arcsec: c.rms_error,
             sigma_arcsec: c.sigma,
+            claimed_sigma_arcsec: c.claimed_sigma,
             planned_sigma_arcsec: c.planned_sigma,
             ratio: c.ratio.and_then(finite),
         };
-        let position = |p: &crate::simulate::PositionCheck| SimulatedPosition {
-            end_s: p.end_s,
-            nees: p.nees,
-            nees_coefficients: p.nees_coefficients,
-        };
+        let has_azimuth = inputs.config.platform.azimuth.noise_arcsec.is_some();
         let spec = inputs.config.objective.specification().as_vector();
         let judgement = Judgement::new(found, spec.as_ref());
         Self {
@@ -243,12 +348,23 @@ impl SimulationDocument {
             filter: options.filter,
             told_accelerometer_factor: options.told.accelerometer_factor,
             told_random_drift_factor: options.told.random_drift_factor,
+            told_azimuth_factor: has_azimuth.then_some(options.told.azimuth_factor),
+            compared_with: match found.claimed.is_some() {
+                true => ComparedWith::FilterAndConsidered,
+                false => ComparedWith::Filter,
+            },
             verdict: judgement.verdict,
             judgement: Some(judgement.into()),
             rms_error_deg_per_h: found.rms_error_deg_per_h(),
             rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
+            rms_claimed_sigma_deg_per_h: found.rms_claimed_sigma_deg_per_h(),
             rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
             coefficients: DriftCoefficient::ALL.map(coefficient).to_vec(),
+            parameters: found
+                .parameters
+                .iter()
+                .map(SimulatedParameter::from)
+                .collect(),
             misalignment: MISALIGNMENT_NAMES
                 .iter()
                 .zip(&found.misalignment)
@@ -256,9 +372,16 @@ impl SimulationDocument {
                 .collect(),
             ratio_bounds: found.ratio_bounds,
             nees: found.nees,
+            nees_parameters: found.nees_parameters,
             nees_coefficients: found.nees_coefficients,
             nis: found.nis,
-            positions: found.positions.iter().map(position).collect(),
+            nees_claimed: found.claimed.and_then(|c| c.nees),
+            nis_claimed: found.claimed.and_then(|c| c.nis),
+            positions: found
+                .positions
+                .iter()
+                .map(SimulatedPosition::from)
+                .collect(),
             rms_largest_misalignment_deg: found.rms_largest_misalignment_deg,
             sweep: sweep.iter().map(SweepRecord::from).collect(),
             schedule: ScheduleDocument::from(schedule),

@@ -50,17 +50,29 @@ pub enum Finding {
         runs: usize,
         /// The RMS error.
         rms_error_deg_per_h: f64,
-        /// The RMS of the filter's σ.
+        /// The RMS of the σ that they are compared with.
         rms_sigma_deg_per_h: f64,
+        /// The RMS of what a filter claims that ignores parameters; none: it is the same.
+        rms_claimed_sigma_deg_per_h: Option<f64>,
         /// The RMS of the planned σ.
         rms_planned_sigma_deg_per_h: f64,
+    },
+    /// The filter ignores parameters that the platform has, and errors are compared with the truth.
+    Ignored {
+        /// Their groups.
+        groups: Vec<&'static str>,
+        /// NEES of all states by what the filter claims.
+        claimed: Option<Consistency>,
     },
     /// Whether the filter can be believed, and by which numbers.
     Filter {
         /// What is to be thought of it.
         verdict: Verdict,
-        /// NEES, NEES of the coefficients, NIS.
-        consistency: [Option<Consistency>; 3],
+        /// NEES, NEES of the estimated parameters where they are more than the coefficients, NEES of the
+        /// coefficients, NIS.
+        consistency: [Option<Consistency>; 4],
+        /// Whether the filter ignores parameters: then its errors are beside the truth.
+        ignores: bool,
     },
     /// Whether the errors of the runs show that the specification is met.
     Specification {
@@ -95,11 +107,17 @@ impl Judgement {
             runs: found.runs,
             rms_error_deg_per_h: found.rms_error_deg_per_h(),
             rms_sigma_deg_per_h: found.rms_sigma_deg_per_h(),
+            rms_claimed_sigma_deg_per_h: found.rms_claimed_sigma_deg_per_h(),
             rms_planned_sigma_deg_per_h: found.rms_planned_sigma_deg_per_h(),
         });
+        findings.extend(found.claimed.map(|claimed| Finding::Ignored {
+            groups: found.ignored_groups(),
+            claimed: claimed.nees,
+        }));
         findings.push(Finding::Filter {
             verdict,
-            consistency: [found.nees, found.nees_coefficients, found.nis],
+            consistency: found.judged(),
+            ignores: found.claimed.is_some(),
         });
         findings.extend(specification.as_ref().map(|check| Finding::Specification {
             check: check.clone(),
@@ -136,6 +154,7 @@ impl fmt::Display for Finding {
                 runs,
                 rms_error_deg_per_h: error,
                 rms_sigma_deg_per_h: sigma,
+                rms_claimed_sigma_deg_per_h: claimed,
                 rms_planned_sigma_deg_per_h: planned,
             } => write!(
                 f,
@@ -143,13 +162,15 @@ impl fmt::Display for Finding {
                  the plan {} deg/h.",
                 number(*error),
                 against_the_plan(error / planned),
-                number(*sigma),
+                number(claimed.unwrap_or(*sigma)),
                 number(*planned),
             ),
+            Self::Ignored { groups, claimed } => f.write_str(&ignored(groups, claimed.as_ref())),
             Self::Filter {
                 verdict,
                 consistency,
-            } => f.write_str(&filter(*verdict, consistency)),
+                ignores,
+            } => f.write_str(&filter(*verdict, consistency, *ignores)),
             Self::Specification {
                 check,
                 runs,
@@ -160,13 +181,23 @@ impl fmt::Display for Finding {
 }
 
 impl MonteCarlo {
+    /// The averages that make the verdict.
+    fn judged(&self) -> [Option<Consistency>; 4] {
+        [
+            self.nees,
+            self.nees_parameters,
+            self.nees_coefficients,
+            self.nis,
+        ]
+    }
+
     /// What is to be thought of the filter: [`Verdict::Diverged`] when a run diverged, else what
-    /// NEES of all states and of the coefficients and NIS say together.
+    /// NEES of all states, of the parameters and of the coefficients and NIS say together.
     pub fn verdict(&self) -> Verdict {
         if self.divergence.count > 0 {
             return Verdict::Diverged;
         }
-        let judged = [self.nees, self.nees_coefficients, self.nis];
+        let judged = self.judged();
         let says = |v: Verdict| judged.iter().flatten().any(|c| c.verdict == v);
         match (says(Verdict::Optimistic), says(Verdict::Pessimistic)) {
             (true, true) => Verdict::Inconsistent,
@@ -225,9 +256,43 @@ fn against_the_plan(ratio: f64) -> String {
     }
 }
 
+/// What a filter does not know of, and what becomes of its claims.
+fn ignored(groups: &[&str], claimed: Option<&Consistency>) -> String {
+    let groups: Vec<String> = groups.iter().map(|g| (*g).to_owned()).collect();
+    let of_claims = claimed.map_or_else(String::new, |c| {
+        let own = match c.verdict {
+            Verdict::Consistent => "is not wrong",
+            Verdict::Pessimistic => "is pessimistic",
+            _ => "is optimistic",
+        };
+        format!(
+            " By what it claims itself it {own} ({}).",
+            against_bounds("NEES", c)
+        )
+    });
+    format!(
+        "The filter does not know of {}; errors are compared with the true sigma, in which these \
+         count.{of_claims}",
+        listed(&groups)
+    )
+}
+
 /// Whether the filter can be believed, and by which numbers.
-fn filter(verdict: Verdict, consistency: &[Option<Consistency>; 3]) -> String {
+fn filter(verdict: Verdict, consistency: &[Option<Consistency>; 4], ignores: bool) -> String {
     let meaning = match verdict {
+        Verdict::Consistent if ignores => {
+            "The truth is as predicted: errors are as large as the true sigma says"
+        }
+        Verdict::Optimistic if ignores => {
+            "The truth is worse than predicted: errors are larger than the true sigma says"
+        }
+        Verdict::Pessimistic if ignores => {
+            "The truth is better than predicted: errors are smaller than the true sigma says"
+        }
+        Verdict::Inconsistent if ignores => {
+            "The truth is not as predicted: some errors are larger and some smaller than the true \
+             sigma says"
+        }
         Verdict::Consistent => "The filter is consistent: its errors are as large as it says",
         Verdict::Optimistic => "The filter is optimistic: its errors are larger than it says",
         Verdict::Pessimistic => "The filter is pessimistic: its errors are smaller than it says",
@@ -237,7 +302,16 @@ fn filter(verdict: Verdict, consistency: &[Option<Consistency>; 3]) -> String {
         }
         Verdict::Diverged => "The filter diverged, and what it says of itself cannot be relied on",
     };
-    let numbers: Vec<String> = ["NEES", "NEES of the coefficients", "NIS"]
+    let names = [
+        "NEES",
+        "NEES of the parameters",
+        "NEES of the coefficients",
+        match ignores {
+            true => "NIS without what is ignored",
+            false => "NIS",
+        },
+    ];
+    let numbers: Vec<String> = names
         .into_iter()
         .zip(consistency)
         .filter_map(|(name, c)| c.map(|c| against_bounds(name, &c)))

@@ -92,14 +92,17 @@ pub struct ToldNoise {
     pub accelerometer_factor: f64,
     /// Of the random drift.
     pub random_drift_factor: f64,
+    /// Of the azimuth, where it is measured.
+    pub azimuth_factor: f64,
 }
 
 impl ToldNoise {
-    /// The same factor for both.
+    /// The same factor for all.
     pub const fn both(factor: f64) -> Self {
         Self {
             accelerometer_factor: factor,
             random_drift_factor: factor,
+            azimuth_factor: factor,
         }
     }
 }
@@ -162,6 +165,7 @@ impl SimulationOptions {
         for (key, factor) in [
             ("told.accelerometer_factor", self.told.accelerometer_factor),
             ("told.random_drift_factor", self.told.random_drift_factor),
+            ("told.azimuth_factor", self.told.azimuth_factor),
         ] {
             if !(1e-6..=1e6).contains(&factor) {
                 return Err(Error::out_of_range(key, factor, "1e-6 to 1e6"));
@@ -172,10 +176,13 @@ impl SimulationOptions {
 }
 
 /// The true values a run starts from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct InitialTruth {
     /// ψ^n(0) about North, Up, East: the rotation vector of E, arcsec.
     pub misalignment_n_arcsec: Vector3<f64>,
-    /// D, °/h (per g).
+    /// The twelve coefficients, °/h (per g).
     pub drift_deg_per_h: CoefficientVector,
+    /// The platform's other parameters in its order, estimated and considered, each in its unit; those
+    /// that are left out at the end are zero.
+    pub others: Vec<f64>,
 }

@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use crate::attitude::Attitude;
-use crate::covariance::split_periods;
+use crate::covariance::selection::{Mixing, Selection};
+use crate::covariance::{CovarianceModel, split_periods};
 use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::{Error, Result};
@@ -23,7 +24,11 @@ const LONGEST_S: f64 = 50.0;
 /// error is about h⁵/2880 of the drift's effect, 3e-9.
 const LARGEST_TURN_RAD: f64 = 0.1;
 
-/// One interval: constant random drift, and a measurement at its end or none.
+/// Three rows on the parameters, estimated and considered.
+pub(super) type Drive = Matrix3xX<f64>;
+
+/// One interval: constant random drift, and a measurement at its end or none. A move that takes no
+/// time is one of no length, in which the torquers alone turn the platform.
 #[derive(Debug, Clone)]
 pub(super) struct DriftInterval {
     /// Index of the position being moved to or held.
@@ -39,8 +44,13 @@ pub(super) struct DriftInterval {
     /// C_c^n at the start, the middle and the end of every Runge–Kutta step (2 steps + 1 of
     /// them), or a single one when the platform holds.
     pub attitudes: Vec<Attitude>,
+    /// ω_nc^c of the gimbals at the same moments, rad/s, or rad for the whole of an interval of no
+    /// length; empty when the platform holds, or when no torquer has an error.
+    pub gimbal_rates: Vec<Vector3<f64>>,
     /// Index into [`Program::transitions`].
     pub transition: usize,
+    /// Index into [`Program::outputs`] of where it ends.
+    pub output: usize,
 }
 
 impl DriftInterval {
@@ -54,6 +64,26 @@ impl DriftInterval {
         &self.attitudes[i.min(self.attitudes.len() - 1)]
     }
 
+    /// How long the integration over it is: its length in s, or 1 where it takes no time.
+    pub fn span(&self) -> f64 {
+        match self.length_s > 0.0 {
+            true => self.length_s,
+            false => 1.0,
+        }
+    }
+
+    /// How much time passes in a unit of that: 1 s, or none.
+    pub fn pace(&self) -> f64 {
+        f64::from(u8::from(self.length_s > 0.0))
+    }
+
+    /// The commanded rate ω = C_n^c ω_ie^n + ω_nc^c at half step `i`, for each unit of the span, rad.
+    pub fn commanded(&self, i: usize, earth_rate_n: &Vector3<f64>) -> Vector3<f64> {
+        let tracking = self.attitude(i).matrix().tr_mul(earth_rate_n) * self.pace();
+        let gimbals = self.gimbal_rates.get(i.min(self.attitudes.len() - 1));
+        gimbals.map_or(tracking, |rate| tracking + rate)
+    }
+
     /// C_c^n at the end.
     pub fn end_attitude(&self) -> &Attitude {
         self.attitude(usize::MAX)
@@ -61,11 +91,11 @@ impl DriftInterval {
 }
 
 /// Φ and B of the linear model over an interval: ψ^n ← Φ ψ^n + B D.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct LinearTransition {
     pub phi: Matrix3<f64>,
-    /// s (times g).
-    pub b: DriftMatrix,
+    /// In arcsec per unit of each parameter.
+    pub b: Drive,
 }
 
 /// All intervals of a test in order.
@@ -73,6 +103,8 @@ pub(super) struct LinearTransition {
 pub(super) struct Program {
     pub intervals: Vec<DriftInterval>,
     pub transitions: Vec<LinearTransition>,
+    /// δZ^n of the linear model at the ends of intervals, arcsec per unit of each parameter.
+    pub outputs: Vec<Drive>,
     /// For each leg of the timeline, the index of its last interval.
     pub leg_ends: Vec<usize>,
     /// Which legs are positions of the schedule.
@@ -98,12 +130,15 @@ impl Program {
                     .with_allowed(format!("at most {MAX_INTERVALS:e} periods in the test")),
             );
         }
+        let model = CovarianceModel::new(platform);
         let mut builder = ProgramBuilder {
             dynamics: ErrorDynamics::new(platform.earth_rate_n()),
             period_s: period,
+            effects: LinearEffects::new(platform, &model),
             program: Self {
                 intervals: Vec::new(),
                 transitions: Vec::new(),
+                outputs: Vec::new(),
                 leg_ends: Vec::new(),
                 positions: timeline.positions(),
                 ticks: 0,
@@ -119,8 +154,10 @@ impl Program {
                 if frame_hold {
                     let before = timeline.legs()[index - 1].attitude;
                     builder.turn = Some(leg.attitude.matrix() * before.matrix().transpose());
-                } else {
+                } else if arrival.duration_s > 0.0 {
                     builder.moving(arrival);
+                } else {
+                    builder.jumping(arrival);
                 }
             }
             builder.holding(leg.attitude, leg.settle_s, false);
@@ -131,10 +168,81 @@ impl Program {
     }
 }
 
+/// What the parameters do in the linear model.
+struct LinearEffects<'a> {
+    mixing: Mixing<f64>,
+    /// The same along moves; none: there are the twelve coefficients in the paper's mounting alone.
+    along_moves: Option<Selection<'a, f64>>,
+    has_torquers: bool,
+    has_accelerometers: bool,
+    earth_rate_n: Vector3<f64>,
+}
+
+impl<'a> LinearEffects<'a> {
+    fn new(platform: &Platform, model: &'a CovarianceModel) -> Self {
+        let errors = platform.errors();
+        let mixing = Mixing::<f64>::new(&errors.effects());
+        Self {
+            has_torquers: mixing.has_torquers(),
+            has_accelerometers: mixing.has_accelerometers(),
+            mixing,
+            along_moves: (!errors.is_of_the_paper()).then(|| Selection::new(model)),
+            earth_rate_n: platform.earth_rate_n(),
+        }
+    }
+
+    fn nothing(&self) -> Drive {
+        self.mixing.nothing()
+    }
+
+    /// X A at an attitude that is held.
+    fn held(&self, x: &Matrix3<f64>, attitude: &Attitude) -> Drive {
+        if self.along_moves.is_none() {
+            return dynamic(&times_drift_matrix(x, attitude));
+        }
+        let c = attitude.matrix();
+        let rate = c.tr_mul(&self.earth_rate_n);
+        self.mixing.turned_drift(&(x * c), c, &rate, 1.0)
+    }
+
+    /// B of a part of a move that takes time.
+    fn moved(&self, dynamics: &ErrorDynamics, m: &Move, piece: &Piece) -> Drive {
+        match &self.along_moves {
+            None => dynamic(&m.drift_integral(dynamics, piece.start_s, piece.length_s)),
+            Some(selection) => {
+                let part = [piece.start_s, piece.length_s].map(|s| s / m.duration_s);
+                selection.part_of_move(m, part.into())
+            }
+        }
+    }
+
+    /// B of a move that takes none.
+    fn jump(&self, m: &Move) -> Drive {
+        match &self.along_moves {
+            None => self.nothing(),
+            Some(selection) => selection.part_of_move(m, (0.0, 1.0)),
+        }
+    }
+}
+
+fn dynamic(b: &DriftMatrix) -> Drive {
+    Drive::from_columns(&b.column_iter().collect::<Vec<_>>())
+}
+
+/// ω_nc^c where the angles (α, β, γ) of (19) change by `change` in a unit of time: with
+/// C = Mx(α) My(β) Mz(γ), −(α̇ (My Mz)ᵀ e_x + β̇ Mzᵀ e_y + γ̇ e_z).
+fn gimbal_rate([_, beta, gamma]: [f64; 3], change: [f64; 3]) -> Vector3<f64> {
+    let ((sb, cb), (sg, cg)) = (libm::sincos(beta), libm::sincos(gamma));
+    let outer = Vector3::new(cb * cg, cb * sg, -sb);
+    let middle = Vector3::new(-sg, cg, 0.0);
+    -(outer * change[0] + middle * change[1] + Vector3::z() * change[2])
+}
+
 /// What is being built, and how far it has come.
-struct ProgramBuilder {
+struct ProgramBuilder<'a> {
     dynamics: ErrorDynamics,
     period_s: f64,
+    effects: LinearEffects<'a>,
     program: Program,
     time_s: f64,
     leg: usize,
@@ -149,7 +257,16 @@ struct Piece {
     measured: bool,
 }
 
-impl ProgramBuilder {
+impl Piece {
+    /// Of no length.
+    const NOTHING: Self = Self {
+        start_s: 0.0,
+        length_s: 0.0,
+        measured: false,
+    };
+}
+
+impl ProgramBuilder<'_> {
     /// Cuts a duration into filter periods and a remainder, and these into pieces short enough
     /// to hold the random drift; a tick ends each whole period where the filter measures.
     fn pieces(&self, duration_s: f64, measured: bool) -> Vec<Piece> {
@@ -180,28 +297,58 @@ impl ProgramBuilder {
                 Some((length_s, index)) if length_s == piece.length_s => index,
                 _ => {
                     let gamma = self.dynamics.integral(piece.length_s);
-                    self.transition(piece.length_s, times_drift_matrix(&gamma, &attitude))
+                    let b = self.effects.held(&gamma, &attitude);
+                    self.transition(piece.length_s, b)
                 }
             };
             last = Some((piece.length_s, transition));
-            self.push(&piece, vec![attitude], transition);
+            self.push(&piece, Path::held(attitude), transition);
         }
     }
 
     fn moving(&mut self, m: &Move) {
-        let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
         for piece in self.pieces(m.duration_s, m.measured) {
-            let share = piece.length_s / m.duration_s;
-            let steps = (turn * share / LARGEST_TURN_RAD).ceil().max(1.0) as usize;
-            let attitudes = (0..=2 * steps)
-                .map(|i| {
-                    let t = piece.start_s + piece.length_s * i as f64 / (2 * steps) as f64;
-                    m.position_at(t / m.duration_s).attitude()
-                })
-                .collect();
-            let b = m.drift_integral(&self.dynamics, piece.start_s, piece.length_s);
+            let b = self.effects.moved(&self.dynamics, m, &piece);
             let transition = self.transition(piece.length_s, b);
-            self.push(&piece, attitudes, transition);
+            let path = self.path(m, &piece, m.duration_s);
+            self.push(&piece, path, transition);
+        }
+    }
+
+    /// A move that takes no time: the torquers turn the platform all the same.
+    fn jumping(&mut self, m: &Move) {
+        if self.effects.has_torquers {
+            let b = self.effects.jump(m);
+            let transition = self.transition(0.0, b);
+            let whole = Piece {
+                start_s: 0.0,
+                length_s: 1.0,
+                measured: false,
+            };
+            let path = self.path(m, &whole, 1.0);
+            self.push(&Piece::NOTHING, path, transition);
+        }
+    }
+
+    /// The way through a piece of a move that is `duration` long, in the unit of the piece.
+    fn path(&self, m: &Move, piece: &Piece, duration: f64) -> Path {
+        let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
+        let share = piece.length_s / duration;
+        let steps = (turn * share / LARGEST_TURN_RAD).ceil().max(1.0) as usize;
+        let nodes = (0..=2 * steps).map(|i| {
+            let t = piece.start_s + piece.length_s * i as f64 / (2 * steps) as f64;
+            m.position_at(t / duration)
+        });
+        let rate = m.change.map(|c| c / duration);
+        Path {
+            gimbal_rates: match self.effects.has_torquers {
+                true => nodes
+                    .clone()
+                    .map(|p| gimbal_rate(p.to_array(), rate))
+                    .collect(),
+                false => Vec::new(),
+            },
+            attitudes: nodes.map(|p| p.attitude()).collect(),
         }
     }
 
@@ -213,35 +360,62 @@ impl ProgramBuilder {
             .last()
             .is_none_or(|i| i.leg != self.leg);
         if empty {
-            let transition = self.transition(0.0, DriftMatrix::zeros());
-            let nothing = Piece {
-                start_s: 0.0,
-                length_s: 0.0,
-                measured: false,
-            };
-            self.push(&nothing, vec![attitude], transition);
+            let transition = self.transition(0.0, self.effects.nothing());
+            self.push(&Piece::NOTHING, Path::held(attitude), transition);
         }
         self.program.leg_ends.push(self.program.intervals.len() - 1);
     }
 
-    fn transition(&mut self, length_s: f64, b: DriftMatrix) -> usize {
+    fn transition(&mut self, length_s: f64, b: Drive) -> usize {
         let phi = self.dynamics.transition(length_s);
         self.program.transitions.push(LinearTransition { phi, b });
         self.program.transitions.len() - 1
     }
 
-    fn push(&mut self, piece: &Piece, attitudes: Vec<Attitude>, transition: usize) {
+    fn push(&mut self, piece: &Piece, path: Path, transition: usize) {
         self.time_s += piece.length_s;
         self.program.ticks += usize::from(piece.measured);
-        self.program.intervals.push(DriftInterval {
+        let mut interval = DriftInterval {
             leg: self.leg,
             length_s: piece.length_s,
             end_s: self.time_s,
             measured: piece.measured,
             turn: self.turn.take(),
-            attitudes,
+            attitudes: path.attitudes,
+            gimbal_rates: path.gimbal_rates,
             transition,
-        });
+            output: 0,
+        };
+        interval.output = self.output(&interval);
+        self.program.intervals.push(interval);
+    }
+
+    /// What the accelerometers show at the end of `interval`.
+    fn output(&mut self, interval: &DriftInterval) -> usize {
+        let here = interval.end_attitude();
+        let last = self.program.intervals.last();
+        let same = last.is_some_and(|i| i.end_attitude() == here);
+        let outputs = &mut self.program.outputs;
+        let is_known = same || !self.effects.has_accelerometers;
+        if outputs.is_empty() || !is_known {
+            outputs.push(self.effects.mixing.output(here.matrix()));
+        }
+        outputs.len() - 1
+    }
+}
+
+/// The way of the platform through an interval.
+struct Path {
+    attitudes: Vec<Attitude>,
+    gimbal_rates: Vec<Vector3<f64>>,
+}
+
+impl Path {
+    fn held(attitude: Attitude) -> Self {
+        Self {
+            attitudes: vec![attitude],
+            gimbal_rates: Vec::new(),
+        }
     }
 }
 
@@ -249,7 +423,7 @@ impl ProgramBuilder {
 mod tests {
     use super::*;
     use crate::attitude::Position;
-    use crate::platform::PlatformConfig;
+    use crate::platform::{AxisValue, PlatformConfig};
     use crate::schedule::{Schedule, ScheduledPosition};
 
     fn program(config: &PlatformConfig, positions: &[(f64, f64)]) -> Program {
@@ -294,5 +468,42 @@ mod tests {
         assert_eq!(p.leg_ends.len(), 3);
         let turns = p.intervals.iter().filter(|i| i.turn.is_some()).count();
         assert_eq!(turns, 2);
+    }
+
+    /// Against the difference of two attitudes: Ċ_c^n = C_c^n [ω_nc^c ×].
+    #[test]
+    fn the_gimbals_turn_the_platform() {
+        let (angles, rate) = ([0.3, -1.2, 2.3], [0.3, -0.8, 0.5]);
+        let at = |s: f64| {
+            let [a, b, g]: [f64; 3] = std::array::from_fn(|i| angles[i] + s * rate[i]);
+            *Position::from_rad(a, b, g).attitude().matrix()
+        };
+        let h = 1e-5;
+        let slope = (at(h) - at(-h)) / (2.0 * h);
+        let expected = at(0.0) * gimbal_rate(angles, rate).cross_matrix();
+        assert!((slope - expected).amax() < 1e-9);
+    }
+
+    #[test]
+    fn a_move_without_duration_is_an_interval_where_torquers_have_errors() {
+        let mut config = PlatformConfig::default();
+        let positions = [(0.0, 20.0), (90.0, 20.0), (-90.0, 20.0)];
+        let without = program(&config, &positions).intervals.len();
+        config.errors.estimated.torquer_scale_factor_ppm = Some(AxisValue::All(1000.0));
+        let p = program(&config, &positions);
+        assert_eq!(p.intervals.len(), without + 2);
+        let jumps: Vec<&DriftInterval> = p.intervals.iter().filter(|i| i.length_s == 0.0).collect();
+        // T_XX turns it by 1 ppm of the quarter turn about x, and of the half turn that follows.
+        for (jump, turn) in jumps.iter().zip([-1.0, -2.0]) {
+            let b = p.transitions[jump.transition].b.column(12).into_owned();
+            let expected = turn * 90.0 * 3600.0 * 1e-6;
+            assert!(
+                (b.x - expected).abs() < 1e-9 && b.yz().amax() < 1e-12,
+                "{b}"
+            );
+            assert_eq!((jump.span(), jump.pace()), (1.0, 0.0));
+        }
+        config.motion.repositioning = Repositioning::FrameHold;
+        assert_eq!(program(&config, &positions).intervals.len(), without);
     }
 }

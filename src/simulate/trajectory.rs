@@ -6,13 +6,13 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::Attitude;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use crate::model::{Parameter, Unit};
 
-use super::ekf::LinearGains;
-use super::square_root::{PSI, SquareRoot, StateVector};
-use super::{InitialTruth, Simulation, stream};
+use super::{FilterModel, InitialTruth, Simulation, stream};
 
-/// Truth and estimate at the end of one interval. ψ^n about North, Up, East.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Truth and estimate at the end of one interval. ψ^n about North, Up, East. Covariances are the true
+/// ones: where the filter ignores parameters, more than it claims.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// Time since the start of the test, s.
     pub time_s: f64,
@@ -27,20 +27,23 @@ pub struct Sample {
     /// η: the rotation from the estimated to the true platform, in n, arcsec. With ψ of many
     /// degrees this is not the difference of the two rotation vectors.
     pub misalignment_n_error_arcsec: Vector3<f64>,
-    /// The filter's covariance of η, arcsec².
+    /// The covariance of η, arcsec².
     pub misalignment_n_covariance_arcsec2: Matrix3<f64>,
     /// Estimated D, °/h.
     pub drift_estimate_deg_per_h: CoefficientVector,
-    /// The filter's 1σ of D, °/h.
+    /// 1σ of D, °/h.
     pub drift_sigma_deg_per_h: CoefficientVector,
-    /// Normalised innovation squared, two degrees of freedom; none without a measurement.
+    /// Estimates of the other parameters that are estimated, each in its unit, and their 1σ.
+    pub others: Vec<[f64; 2]>,
+    /// Normalised innovation squared as the filter claims it, a degree of freedom for each number that
+    /// is measured; none without a measurement.
     pub nis: Option<f64>,
     /// NEES over all states: the squared error in σ.
     pub nees: f64,
 }
 
 impl Sample {
-    /// The filter's 1σ of ψ in n, arcsec.
+    /// 1σ of ψ in n, arcsec.
     pub fn misalignment_n_sigma_arcsec(&self) -> Vector3<f64> {
         self.misalignment_n_covariance_arcsec2
             .diagonal()
@@ -53,6 +56,10 @@ impl Sample {
 pub struct Trajectory {
     /// True D, °/h.
     pub drift_deg_per_h: CoefficientVector,
+    /// The other parameters that are estimated, with their true values.
+    pub others: Vec<(Parameter, f64)>,
+    /// Whether the filter ignores parameters that the platform has.
+    pub ignores: bool,
     /// The end of every interval in order.
     pub samples: Vec<Sample>,
 }
@@ -63,51 +70,53 @@ impl Simulation {
         // Run number `run` of a Monte Carlo draws its truth first: the noise is the same.
         let mut random = stream(seed, run);
         let _ = self.draw_from(&mut random);
-        let roots = self.linear_roots();
+        let record = self.record(initial, &mut random);
+        let parameters = &self.platform.errors().parameters()[..self.belief.estimated()];
+        let valued = parameters.iter().copied().zip(record.parameters.clone());
         let mut trajectory = Trajectory {
             drift_deg_per_h: initial.drift_deg_per_h,
+            others: valued.skip(COEFFICIENTS).collect(),
+            ignores: !self.belief.considered_sigma.is_empty(),
             samples: Vec::with_capacity(self.program.intervals.len()),
         };
-        let record = self.record(initial, &mut random);
+        // The linear filter has its gains from beforehand; what it knows goes along here.
+        let mut by_gains = self.belief.knowledge();
         self.estimate(&record, &mut |step| {
             if step.index == 0 {
                 trajectory.samples.clear();
             }
-            let Some(root) = step.filter.root().or_else(|| roots.get(step.index)) else {
-                return;
-            };
             let interval = &self.program.intervals[step.index];
+            if self.options.filter == FilterModel::Linear {
+                self.gains
+                    .follow(&mut by_gains, &self.program, &self.belief, interval);
+            }
+            let root = step.filter.knowledge().unwrap_or(&by_gains).truth();
             let truth = &step.record.misalignment[step.index];
-            let (psi, d) = step.filter.estimate();
-            let sigma: StateVector = root.sigma();
-            let error = step.filter.error(truth, &step.record.coefficients);
+            let estimate = step.filter.estimate();
+            let (d, others) = estimate.parameters.split_at(COEFFICIENTS);
+            let sigma = root.sigma();
+            let error = step.filter.error(truth, &step.record.parameters);
+            let psi = parameters.len();
             trajectory.samples.push(Sample {
                 time_s: interval.end_s,
                 leg: interval.leg,
                 attitude: *interval.end_attitude(),
                 misalignment_n_arcsec: truth.psi_n_arcsec(),
-                misalignment_n_estimate_arcsec: psi,
-                misalignment_n_error_arcsec: Vector3::from_fn(|i, _| error[PSI + i]),
+                misalignment_n_estimate_arcsec: estimate.psi,
+                misalignment_n_error_arcsec: Vector3::from_fn(|i, _| error[psi + i]),
                 misalignment_n_covariance_arcsec2: root.misalignment_covariance(),
-                drift_estimate_deg_per_h: d,
+                drift_estimate_deg_per_h: CoefficientVector::from_fn(|i, _| d[i]),
                 drift_sigma_deg_per_h: CoefficientVector::from_fn(|i, _| sigma[i]),
-                nis: step.nis,
+                others: others
+                    .iter()
+                    .zip(&sigma[COEFFICIENTS..])
+                    .map(|(estimate, sigma)| [*estimate, *sigma])
+                    .collect(),
+                nis: step.nis.map(|nis| nis.claimed),
                 nees: root.nees(&error).states,
             });
         });
         trajectory
-    }
-
-    /// The covariance of the linear filter after every interval; empty for the others, which
-    /// carry their own.
-    fn linear_roots(&self) -> Vec<SquareRoot> {
-        let mut roots = Vec::new();
-        if self.options.filter == super::FilterModel::Linear {
-            LinearGains::new(&self.program, &self.belief, &mut |root| {
-                roots.push(root.clone());
-            });
-        }
-        roots
     }
 }
 
@@ -116,7 +125,8 @@ const MISALIGNMENT: [&str; 3] = ["psi_nx", "psi_ny", "psi_nz"];
 
 impl Trajectory {
     /// As CSV with a header: time, position number, then truth, estimate, error (estimate less
-    /// truth) and σ of every state, NIS and NEES.
+    /// truth) and σ of every state, NIS and NEES; after these the same of estimated parameters beyond
+    /// the twelve coefficients, each in its unit.
     pub fn to_csv(&self) -> String {
         let mut csv = String::from("time_s,position");
         let drift = DriftCoefficient::ALL.map(DriftCoefficient::name);
@@ -128,7 +138,14 @@ impl Trajectory {
                 }
             }
         }
-        csv.push_str(",nis,nees\n");
+        csv.push_str(",nis,nees");
+        for (parameter, _) in &self.others {
+            let unit = unit_in_names(parameter.unit);
+            for what in ["true", "estimate", "error", "sigma"] {
+                let _ = write!(csv, ",{}_{what}_{unit}", parameter.name);
+            }
+        }
+        csv.push('\n');
         for s in &self.samples {
             let _ = write!(csv, "{:.3},{}", s.time_s, s.leg + 1);
             let sigma = s.misalignment_n_sigma_arcsec();
@@ -146,8 +163,18 @@ impl Trajectory {
                 let _ = write!(csv, ",{truth:.7},{estimate:.7},{error:.7},{sigma:.7}");
             }
             let nis = s.nis.map_or_else(String::new, |v| format!("{v:.4}"));
-            let _ = writeln!(csv, ",{nis},{:.4}", s.nees);
+            let _ = write!(csv, ",{nis},{:.4}", s.nees);
+            for ((_, truth), [estimate, sigma]) in self.others.iter().zip(&s.others) {
+                let error = estimate - truth;
+                let _ = write!(csv, ",{truth:.7},{estimate:.7},{error:.7},{sigma:.7}");
+            }
+            csv.push('\n');
         }
         csv
     }
+}
+
+/// A unit in the name of a column.
+fn unit_in_names(unit: Unit) -> String {
+    unit.name().replace('/', "_per_")
 }

@@ -5,42 +5,12 @@ use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::attitude::{Attitude, GRAVITY_N};
-use crate::drift::{CoefficientVector, drift_c};
-use crate::units::{Angle, AngularRate};
+use crate::attitude::{Attitude, EAST, GRAVITY_N, NORTH, UP};
+use crate::units::Angle;
 
-use super::options::{InitialTruth, TruthModel};
+use super::instruments::Instruments;
+use super::options::TruthModel;
 use super::program::{DriftInterval, Program};
-
-/// The drift of the three gyros as D_F + M g (3), rad/s.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GyroDrift {
-    constant: Vector3<f64>,
-    /// M: per g.
-    pub sensitivity: Matrix3<f64>,
-}
-
-impl GyroDrift {
-    /// From coefficients in °/h.
-    pub fn from_deg_per_h(coefficients: &CoefficientVector) -> Self {
-        let si = coefficients.map(|d| AngularRate::from_deg_per_h(d).rad_per_s());
-        let constant = drift_c(&si, &Vector3::zeros());
-        let column = |axis: Vector3<f64>| drift_c(&si, &axis) - constant;
-        Self {
-            constant,
-            sensitivity: Matrix3::from_columns(&[
-                column(Vector3::x()),
-                column(Vector3::y()),
-                column(Vector3::z()),
-            ]),
-        }
-    }
-
-    /// ε^p for gravity `gravity_p` (g), rad/s.
-    pub fn rate(&self, gravity_p: &Vector3<f64>) -> Vector3<f64> {
-        self.constant + self.sensitivity * gravity_p
-    }
-}
 
 /// Which way time runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,21 +22,21 @@ pub(super) enum Direction {
 }
 
 impl Direction {
-    /// The signed Runge–Kutta step of `interval`, s.
-    fn step_s(self, interval: &DriftInterval) -> f64 {
-        let h = interval.length_s / interval.steps() as f64;
+    /// The signed Runge–Kutta step of `interval`, in the unit of its span.
+    fn step(self, interval: &DriftInterval) -> f64 {
+        let h = interval.span() / interval.steps() as f64;
         match self {
             Self::Forward => h,
             Self::Backward => -h,
         }
     }
 
-    /// C_c^n at half step `i`, counted from where the integration starts.
-    fn attitude(self, interval: &DriftInterval, i: usize) -> &Attitude {
-        interval.attitude(match self {
+    /// The half step that is the `i`th from where the integration starts.
+    fn half_step(self, interval: &DriftInterval, i: usize) -> usize {
+        match self {
             Self::Forward => i,
             Self::Backward => 2 * interval.steps() - i,
-        })
+        }
     }
 }
 
@@ -75,17 +45,40 @@ impl Direction {
 pub(super) struct Disturbance<'a> {
     /// ω_ie^n, rad/s.
     pub earth_rate_n: &'a Vector3<f64>,
-    /// The gyros.
-    pub drift: &'a GyroDrift,
+    /// Gyros and torquers.
+    pub instruments: &'a Instruments,
     /// Random drift held over the interval, in n, rad/s.
     pub random_n: Vector3<f64>,
 }
 
+/// A moment of an interval.
+struct Moment<'a> {
+    interval: &'a DriftInterval,
+    half_step: usize,
+}
+
+impl Moment<'_> {
+    /// C_c^n.
+    fn attitude(&self) -> &Attitude {
+        self.interval.attitude(self.half_step)
+    }
+}
+
 impl Disturbance<'_> {
-    /// ε^n with the platform at `attitude` (C_p^n), rad/s.
-    fn drift_n(&self, attitude: &Matrix3<f64>) -> Vector3<f64> {
-        let gravity_p = attitude.tr_mul(&GRAVITY_N);
-        attitude * self.drift.rate(&gravity_p) + self.random_n
+    /// ε^n of a unit of the span, the platform at `p_to_n` (C_p^n) and gravity as it is in n, rad.
+    fn drift_n(
+        &self,
+        now: &Moment<'_>,
+        p_to_n: &Matrix3<f64>,
+        gravity: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let pace = now.interval.pace();
+        let mut drift = self.instruments.drift(&p_to_n.tr_mul(gravity)) * pace;
+        if let Some(torquers) = self.instruments.torquers() {
+            // What is commanded is meant for the computed axes and executed about the true ones.
+            drift += torquers * now.interval.commanded(now.half_step, self.earth_rate_n);
+        }
+        p_to_n * drift + self.random_n * pace
     }
 
     /// E at the other end of `interval` (its turn apart), by Runge–Kutta on the exact equation
@@ -97,13 +90,19 @@ impl Disturbance<'_> {
         direction: Direction,
     ) -> UnitQuaternion<f64> {
         let mut e = *e;
-        let h = direction.step_s(interval);
+        let h = direction.step(interval);
+        let gravity = GRAVITY_N * (1.0 + self.instruments.gravity_error());
+        let earth_rate_n = self.earth_rate_n * interval.pace();
         for step in 0..interval.steps() {
             let slope = |q: &Quaternion<f64>, half: usize| {
                 let rotation = Unit::new_unchecked(*q).to_rotation_matrix();
-                let c_to_n = direction.attitude(interval, 2 * step + half);
-                let attitude = rotation.matrix() * c_to_n.matrix();
-                self.quaternion_rate(q, &self.drift_n(&attitude))
+                let half_step = direction.half_step(interval, 2 * step + half);
+                let now = Moment {
+                    interval,
+                    half_step,
+                };
+                let p_to_n = rotation.matrix() * now.attitude().matrix();
+                quaternion_rate(q, &self.drift_n(&now, &p_to_n, &gravity), &earth_rate_n)
             };
             let q = *e.quaternion();
             let k1 = slope(&q, 0);
@@ -115,25 +114,20 @@ impl Disturbance<'_> {
         e
     }
 
-    /// q̇ = ½ ((ε − ω) q + q ω), with ε and ω as pure quaternions.
-    fn quaternion_rate(&self, q: &Quaternion<f64>, drift_n: &Vector3<f64>) -> Quaternion<f64> {
-        let v = q.imag();
-        let difference = drift_n - 2.0 * self.earth_rate_n;
-        Quaternion::from_parts(
-            -0.5 * drift_n.dot(&v),
-            0.5 * (q.w * drift_n + difference.cross(&v)),
-        )
-    }
-
     /// ψ^n at the end of `interval` (its turn apart) in the first-order model (8), by
     /// Runge–Kutta.
     fn integrate_first_order(&self, psi: &Vector3<f64>, interval: &DriftInterval) -> Vector3<f64> {
         let mut psi = *psi;
-        let h = Direction::Forward.step_s(interval);
+        let h = Direction::Forward.step(interval);
+        let earth_rate_n = self.earth_rate_n * interval.pace();
         for step in 0..interval.steps() {
             let slope = |psi: &Vector3<f64>, half: usize| {
-                let attitude = interval.attitude(2 * step + half).matrix();
-                psi.cross(self.earth_rate_n) + self.drift_n(attitude)
+                let now = Moment {
+                    interval,
+                    half_step: 2 * step + half,
+                };
+                let c_to_n = now.attitude().matrix();
+                psi.cross(&earth_rate_n) + self.drift_n(&now, c_to_n, &GRAVITY_N)
             };
             let k1 = slope(&psi, 0);
             let k2 = slope(&(psi + k1 * (0.5 * h)), 1);
@@ -145,10 +139,30 @@ impl Disturbance<'_> {
     }
 }
 
+/// q̇ = ½ ((ε − ω) q + q ω), with ε and ω as pure quaternions.
+fn quaternion_rate(
+    q: &Quaternion<f64>,
+    drift_n: &Vector3<f64>,
+    earth_rate_n: &Vector3<f64>,
+) -> Quaternion<f64> {
+    let v = q.imag();
+    let difference = drift_n - 2.0 * earth_rate_n;
+    Quaternion::from_parts(
+        -0.5 * drift_n.dot(&v),
+        0.5 * (q.w * drift_n + difference.cross(&v)),
+    )
+}
+
 /// Q E Qᵀ, the rotation by the same angle about the turned axis: what a frame-hold turn makes
 /// of E.
 pub(super) fn turned(e: &UnitQuaternion<f64>, q: &Matrix3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Quaternion::from_parts(e.w, q * e.imag()))
+}
+
+/// The angle about Up from North to the horizontal part of what E turns North into, rad.
+pub(super) fn azimuth_of(e: &UnitQuaternion<f64>) -> f64 {
+    let north = e.transform_vector(&Vector3::x());
+    libm::atan2(-north[EAST], north[NORTH])
 }
 
 /// How the platform lies off the computed frame.
@@ -183,15 +197,29 @@ impl Misalignment {
     }
 
     /// Z of (6) without noise, in the platform's components, g: what the accelerometers show,
-    /// −C_n^p g^n (5), plus the g^c that was computed.
-    fn measurement(&self, c_to_n: &Matrix3<f64>) -> Vector3<f64> {
+    /// −C_n^p g^n (5) and their errors, plus the g^c that was computed.
+    fn measurement(&self, c_to_n: &Matrix3<f64>, instruments: &Instruments) -> Vector3<f64> {
         let gravity_c = c_to_n.tr_mul(&GRAVITY_N);
         match self {
             Self::Rotation(e) => {
-                let gravity_p = c_to_n.tr_mul(&e.inverse_transform_vector(&GRAVITY_N));
-                gravity_c - gravity_p
+                let gravity = GRAVITY_N * (1.0 + instruments.gravity_error());
+                let gravity_p = c_to_n.tr_mul(&e.inverse_transform_vector(&gravity));
+                gravity_c - gravity_p + instruments.output(&-gravity_p)
             }
-            Self::FirstOrder(psi) => -gravity_c.cross(&c_to_n.tr_mul(psi)),
+            Self::FirstOrder(psi) => {
+                let f = -gravity_c;
+                let shown = instruments.output(&f) + f * instruments.gravity_error();
+                -gravity_c.cross(&c_to_n.tr_mul(psi)) + shown
+            }
+        }
+    }
+
+    /// What an azimuth reference shows without noise, rad: how far what should point North points
+    /// off it, about Up; ψ_y in the first order.
+    fn azimuth(&self) -> f64 {
+        match self {
+            Self::Rotation(e) => azimuth_of(e),
+            Self::FirstOrder(psi) => psi[UP],
         }
     }
 
@@ -202,6 +230,18 @@ impl Misalignment {
             Self::FirstOrder(psi) => *psi,
         };
         psi.map(|rad| Angle::from_rad(rad).arcsec())
+    }
+
+    /// The same from a platform of which ψ^n is estimated, `psi` in rad.
+    pub fn relative_to_vector(&self, psi: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            // To first order ψ is a vector of any length; as a rotation it would be one of half a turn
+            // at most.
+            Self::FirstOrder(truth) if psi.norm() > std::f64::consts::PI => {
+                (truth - psi).map(|rad| Angle::from_rad(rad).arcsec())
+            }
+            _ => self.relative_to(&UnitQuaternion::from_scaled_axis(*psi)),
+        }
     }
 
     /// The rotation from an estimated platform to this one, in n, arcsec.
@@ -221,16 +261,37 @@ pub(super) struct TrueNoise {
     pub drift_psd: f64,
     /// 1σ of an accelerometer, g.
     pub accelerometer_g: f64,
+    /// 1σ of the azimuth, rad; none: it is not measured.
+    pub azimuth_rad: Option<f64>,
+}
+
+/// What is measured at the end of an interval.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Measured {
+    /// Z, platform components, g.
+    pub z: Vector3<f64>,
+    /// The azimuth, rad; zero: there is none.
+    pub azimuth: f64,
+}
+
+/// The values that a run starts from.
+pub(super) struct Start<'a> {
+    /// ψ^n(0), arcsec.
+    pub misalignment_n_arcsec: &'a Vector3<f64>,
+    /// All parameters, each in its unit.
+    pub parameters: Vec<f64>,
+    pub instruments: &'a Instruments,
 }
 
 /// What happened in one run: the platform at the end of every interval, and the measurement
 /// there if there was one.
 #[derive(Debug)]
 pub(super) struct TruthRecord {
-    pub coefficients: CoefficientVector,
+    /// All parameters, each in its unit.
+    pub parameters: Vec<f64>,
     pub misalignment: Vec<Misalignment>,
-    /// Z, platform components, g; zero where nothing was measured.
-    pub z: Vec<Vector3<f64>>,
+    /// Zero where nothing was measured.
+    pub measured: Vec<Measured>,
 }
 
 /// Three independent standard normal numbers.
@@ -239,21 +300,20 @@ fn normal3(random: &mut ChaCha8Rng) -> Vector3<f64> {
 }
 
 impl TruthRecord {
-    /// Runs the test from `initial`, noise drawn from `random`.
+    /// Runs the test from `start`, noise drawn from `random`.
     pub fn new(
         program: &Program,
         earth_rate_n: &Vector3<f64>,
         model: TruthModel,
-        initial: &InitialTruth,
+        start: Start<'_>,
         noise: TrueNoise,
         random: &mut ChaCha8Rng,
     ) -> Self {
-        let drift = GyroDrift::from_deg_per_h(&initial.drift_deg_per_h);
-        let mut now = Misalignment::new(model, &initial.misalignment_n_arcsec);
+        let mut now = Misalignment::new(model, start.misalignment_n_arcsec);
         let mut record = Self {
-            coefficients: initial.drift_deg_per_h,
+            parameters: start.parameters,
             misalignment: Vec::with_capacity(program.intervals.len()),
-            z: Vec::with_capacity(program.intervals.len()),
+            measured: Vec::with_capacity(program.intervals.len()),
         };
         for interval in &program.intervals {
             let mut random_n = Vector3::zeros();
@@ -263,20 +323,43 @@ impl TruthRecord {
             }
             let disturbance = Disturbance {
                 earth_rate_n,
-                drift: &drift,
+                instruments: start.instruments,
                 random_n,
             };
             now = now.advanced(&disturbance, interval);
             record.misalignment.push(now);
-            let mut z = Vector3::zeros();
-            if interval.measured {
-                z = now.measurement(interval.end_attitude().matrix());
-                if noise.accelerometer_g > 0.0 {
-                    z += normal3(random) * noise.accelerometer_g;
-                }
-            }
-            record.z.push(z);
+            record.measured.push(match interval.measured {
+                true => now.measured(interval, start.instruments, noise, random),
+                false => Measured::default(),
+            });
         }
         record
+    }
+}
+
+impl Misalignment {
+    /// What is measured at the end of `interval`, with its noise.
+    fn measured(
+        &self,
+        interval: &DriftInterval,
+        instruments: &Instruments,
+        noise: TrueNoise,
+        random: &mut ChaCha8Rng,
+    ) -> Measured {
+        let mut measured = Measured {
+            z: self.measurement(interval.end_attitude().matrix(), instruments),
+            azimuth: 0.0,
+        };
+        if noise.accelerometer_g > 0.0 {
+            measured.z += normal3(random) * noise.accelerometer_g;
+        }
+        if let Some(sigma) = noise.azimuth_rad {
+            measured.azimuth = self.azimuth();
+            if sigma > 0.0 {
+                let normal: f64 = StandardNormal.sample(random);
+                measured.azimuth += normal * sigma;
+            }
+        }
+        measured
     }
 }

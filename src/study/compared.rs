@@ -127,9 +127,6 @@ impl Study {
         contenders: &[Contender],
         options: &ComparisonOptions,
     ) -> Result<ComparisonResult> {
-        if options.best_order {
-            self.only_of_the_paper("compare --best-order")?;
-        }
         self.check_limits()?;
         let terms = Terms {
             total_time_s: self.config().objective.total_time_s,

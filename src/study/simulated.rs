@@ -111,7 +111,6 @@ impl Study {
         schedule: &Schedule,
         request: &SimulationRequest,
     ) -> Result<SimulationResult> {
-        self.only_of_the_paper("simulate")?;
         let platform = self.checked.platform();
         let timeline = Timeline::new(platform, schedule)?;
         let simulation = Simulation::new(platform, &timeline, request.options)?;

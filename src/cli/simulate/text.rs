@@ -2,9 +2,9 @@
 
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
-use crate::cli::table::render;
+use crate::cli::table::{render, render_rows};
 use crate::report::words;
-use crate::results::{SimulationDocument, SweepRecord};
+use crate::results::{RoleRecord, SimulatedParameter, SimulationDocument, SweepRecord};
 use crate::simulate::consistency::Consistency;
 use crate::simulate::{SweepPoint, largest_without_optimism};
 use crate::wording::{number, optional, seconds};
@@ -15,17 +15,18 @@ pub(super) fn simulation(document: &SimulationDocument, swept: &[SweepPoint]) ->
     text.push_str("\nErrors at the end\n\n");
     text.push_str(&coefficients(document));
     text.push_str(&misalignment(document));
+    let others = words::other_parameters(document);
+    if !others.is_empty() {
+        text.push_str("\nOther parameters at the end\n");
+        text.push_str(&parameters(others));
+    }
     text.push('\n');
-    text.push_str(&wrap(&format!(
-        "ratio: RMS of error/sigma; 95 of 100 lie between {:.3} and {:.3} for a filter that is \
-         right about itself. planned: sigma by the linear model, as `evaluate` has it.",
-        document.ratio_bounds[0], document.ratio_bounds[1]
-    )));
+    text.push_str(&wrap(&words::columns(document)));
     text.push_str(&specification(document));
     text.push_str("\nConsistency\n\n");
     text.push_str(&consistency(document));
     text.push('\n');
-    text.push_str(&wrap(words::BOUNDS));
+    text.push_str(&wrap(&words::bounds(document)));
     text.push_str(&wander(document));
     text.push_str(&sweep(document, swept));
     text
@@ -56,51 +57,109 @@ fn ratio(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"))
 }
 
+/// A table of errors: a column of what the filter claims only where that is not the truth.
+struct ErrorTable<'a> {
+    /// What the rows are, and the unit of the numbers.
+    heading: [&'a str; 2],
+    claims: bool,
+    rows: Vec<Vec<String>>,
+}
+
+impl<'a> ErrorTable<'a> {
+    fn new(of: &'a str, unit: &'a str, claims: bool) -> Self {
+        Self {
+            heading: [of, unit],
+            claims,
+            rows: Vec::new(),
+        }
+    }
+
+    fn row(
+        &mut self,
+        name: String,
+        [error, sigma, planned]: [f64; 3],
+        claimed: Option<f64>,
+        ratio: String,
+    ) {
+        let mut row = vec![name, number(error), number(sigma)];
+        if self.claims {
+            row.push(optional(claimed, number));
+        }
+        row.extend([ratio, number(planned)]);
+        self.rows.push(row);
+    }
+
+    fn text(self) -> String {
+        let [of, unit] = self.heading;
+        let of_unit = |what: &str| format!("{what}, {unit}");
+        let mut names = vec![of.to_owned(), of_unit("RMS error"), of_unit("sigma")];
+        if self.claims {
+            names.push("claimed".to_owned());
+        }
+        names.extend(["ratio".to_owned(), of_unit("planned")]);
+        let columns: Vec<_> = names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| (name.as_str(), if i == 0 { Left } else { Right }))
+            .collect();
+        render_rows(&columns, self.rows)
+    }
+}
+
 fn coefficients(document: &SimulationDocument) -> String {
-    let rows = document.coefficients.iter().map(|c| {
-        [
-            c.name.name().to_owned(),
-            number(c.rms_error_deg_per_h),
-            number(c.sigma_deg_per_h),
-            ratio(c.ratio),
-            number(c.planned_sigma_deg_per_h),
-        ]
-    });
+    let claimed = document.rms_claimed_sigma_deg_per_h;
+    let mut table = ErrorTable::new("coefficient", "deg/h", claimed.is_some());
+    for c in &document.coefficients {
+        let numbers = [
+            c.rms_error_deg_per_h,
+            c.sigma_deg_per_h,
+            c.planned_sigma_deg_per_h,
+        ];
+        let claimed = c.claimed_sigma_deg_per_h;
+        table.row(c.name.name().to_owned(), numbers, claimed, ratio(c.ratio));
+    }
     let all = [
-        "RMS of all".to_owned(),
-        number(document.rms_error_deg_per_h),
-        number(document.rms_sigma_deg_per_h),
-        String::new(),
-        number(document.rms_planned_sigma_deg_per_h),
+        document.rms_error_deg_per_h,
+        document.rms_sigma_deg_per_h,
+        document.rms_planned_sigma_deg_per_h,
     ];
-    let columns = [
-        ("coefficient", Left),
-        ("RMS error, deg/h", Right),
-        ("sigma, deg/h", Right),
-        ("ratio", Right),
-        ("planned, deg/h", Right),
-    ];
-    render(columns, rows.chain([all]).collect()) + "\n"
+    table.row("RMS of all".to_owned(), all, claimed, String::new());
+    table.text() + "\n"
 }
 
 fn misalignment(document: &SimulationDocument) -> String {
-    let rows = document.misalignment.iter().map(|m| {
-        [
+    let claims = document.rms_claimed_sigma_deg_per_h.is_some();
+    let mut table = ErrorTable::new("misalignment", "arcsec", claims);
+    for m in &document.misalignment {
+        let numbers = [m.rms_error_arcsec, m.sigma_arcsec, m.planned_sigma_arcsec];
+        table.row(
             m.name.clone(),
-            number(m.rms_error_arcsec),
-            number(m.sigma_arcsec),
+            numbers,
+            m.claimed_sigma_arcsec,
             ratio(m.ratio),
-            number(m.planned_sigma_arcsec),
-        ]
-    });
-    let columns = [
-        ("misalignment", Left),
-        ("RMS error, arcsec", Right),
-        ("sigma, arcsec", Right),
-        ("ratio", Right),
-        ("planned, arcsec", Right),
-    ];
-    render(columns, rows.collect())
+        );
+    }
+    table.text()
+}
+
+/// Parameters beside the coefficients, a table for each group.
+fn parameters(others: &[SimulatedParameter]) -> String {
+    let mut text = String::new();
+    for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {
+        let claims = group.iter().any(|p| p.claimed_sigma.is_some());
+        let ignored = match group[0].role {
+            RoleRecord::Estimated => "",
+            RoleRecord::Considered => ", not known to the filter: the values of the runs",
+        };
+        text.push_str(&format!("\n{}{ignored}\n\n", group[0].group));
+        let mut table = ErrorTable::new("parameter", &group[0].unit, claims);
+        for p in group {
+            let numbers = [p.rms_error, p.sigma, p.planned_sigma];
+            table.row(p.name.clone(), numbers, p.claimed_sigma, ratio(p.ratio));
+        }
+        text.push_str(&table.text());
+    }
+    text
 }
 
 fn consistency(document: &SimulationDocument) -> String {
@@ -111,11 +170,10 @@ fn consistency(document: &SimulationDocument) -> String {
             [name, freedom, average, bounds, place]
         }
     };
-    let mut rows = vec![
-        row("NEES, all states".to_owned(), &document.nees),
-        row("NEES, coefficients".to_owned(), &document.nees_coefficients),
-        row("NIS".to_owned(), &document.nis),
-    ];
+    let mut rows: Vec<_> = words::averages(document)
+        .into_iter()
+        .map(|(name, c)| row(name.to_owned(), c))
+        .collect();
     let last = document.positions.len().saturating_sub(1);
     for (i, p) in document.positions.iter().take(last).enumerate() {
         let name = format!("NEES at {} s (position {})", seconds(p.end_s), i + 1);
@@ -218,5 +276,8 @@ fn sweep(document: &SimulationDocument, swept: &[SweepPoint]) -> String {
         "The filter's linearisation bears {misalignment}; and {drift}, with the platform's own \
          misalignment."
     )));
+    if !words::other_parameters(document).is_empty() {
+        text.push_str(&wrap(words::SWEPT));
+    }
     text
 }

@@ -5,7 +5,8 @@ use crate::compare::PositionOrder;
 use crate::platform::Repositioning;
 use crate::report::words;
 use crate::results::{
-    BaselineRecord, ComparisonDocument, ParetoRecord, ScoreRecord, SimulationDocument,
+    BaselineRecord, ComparisonDocument, ParetoRecord, RoleRecord, ScoreRecord, SimulatedParameter,
+    SimulationDocument,
 };
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
@@ -328,39 +329,79 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> HtmlTable {
 
 /// Errors of the simulated runs.
 pub(super) fn simulated(d: &SimulationDocument) -> HtmlTable {
-    let mut rows: Vec<Vec<String>> = d
-        .coefficients
-        .iter()
-        .map(|c| {
-            vec![
-                format!("{}, °/h", c.name.name()),
-                number(c.rms_error_deg_per_h),
-                number(c.sigma_deg_per_h),
-                number(c.planned_sigma_deg_per_h),
-                optional(c.ratio, |r| format!("{r:.3}")),
-            ]
-        })
-        .collect();
-    rows.extend(d.misalignment.iter().map(|m| {
-        vec![
-            format!("{}, arcsec", m.name),
-            number(m.rms_error_arcsec),
-            number(m.sigma_arcsec),
-            number(m.planned_sigma_arcsec),
-            optional(m.ratio, |r| format!("{r:.3}")),
-        ]
-    }));
+    let claims = d.rms_claimed_sigma_deg_per_h.is_some();
+    let row = |name: String, [error, sigma, planned]: [f64; 3], claimed, ratio| {
+        let mut row = vec![name, number(error), number(sigma)];
+        if claims {
+            row.push(optional(claimed, number));
+        }
+        row.extend([number(planned), optional(ratio, |r| format!("{r:.3}"))]);
+        row
+    };
+    let coefficients = d.coefficients.iter().map(|c| {
+        let numbers = [
+            c.rms_error_deg_per_h,
+            c.sigma_deg_per_h,
+            c.planned_sigma_deg_per_h,
+        ];
+        let name = format!("{}, °/h", c.name.name());
+        row(name, numbers, c.claimed_sigma_deg_per_h, c.ratio)
+    });
+    let misalignment = d.misalignment.iter().map(|m| {
+        let numbers = [m.rms_error_arcsec, m.sigma_arcsec, m.planned_sigma_arcsec];
+        let name = format!("{}, arcsec", m.name);
+        row(name, numbers, m.claimed_sigma_arcsec, m.ratio)
+    });
     HtmlTable::new(
         "Errors at the end of the simulated runs",
-        &[
-            "state",
+        &sigma_columns("state", claims),
+        coefficients.chain(misalignment).collect(),
+    )
+}
+
+/// Errors of the parameters beyond the coefficients.
+pub(super) fn simulated_parameters(others: &[SimulatedParameter]) -> HtmlTable {
+    let claims = others.iter().any(|p| p.claimed_sigma.is_some());
+    let rows = others.iter().map(|p| {
+        let name = match p.role {
+            RoleRecord::Estimated => format!("{}, {}", p.name, p.unit),
+            RoleRecord::Considered => format!("{}, {} (not known to the filter)", p.name, p.unit),
+        };
+        let mut row = vec![name, number(p.rms_error), number(p.sigma)];
+        if claims {
+            row.push(optional(p.claimed_sigma, number));
+        }
+        row.extend([
+            number(p.planned_sigma),
+            optional(p.ratio, |r| format!("{r:.3}")),
+        ]);
+        row
+    });
+    HtmlTable::new(
+        "Errors of the other parameters at the end of the simulated runs",
+        &sigma_columns("parameter", claims),
+        rows.collect(),
+    )
+}
+
+fn sigma_columns(of: &str, claims: bool) -> Vec<&str> {
+    match claims {
+        false => vec![
+            of,
             "RMS error",
             "σ of the filter",
             "σ as planned",
             "RMS of error/σ",
         ],
-        rows,
-    )
+        true => vec![
+            of,
+            "RMS error",
+            "true σ",
+            "σ as claimed",
+            "true σ as planned",
+            "RMS of error/σ",
+        ],
+    }
 }
 
 /// Errors of the simulated runs against the specification.
@@ -395,11 +436,10 @@ pub(super) fn consistency(d: &SimulationDocument) -> HtmlTable {
         None => vec![name, NONE.into(), NONE.into(), NONE.into(), NONE.into()],
         Some(c) => std::iter::once(name).chain(words::consistency(c)).collect(),
     };
-    let mut rows = vec![
-        row("NEES, all states".to_owned(), &d.nees),
-        row("NEES, coefficients".to_owned(), &d.nees_coefficients),
-        row("NIS".to_owned(), &d.nis),
-    ];
+    let mut rows: Vec<_> = words::averages(d)
+        .into_iter()
+        .map(|(name, c)| row(name.to_owned(), c))
+        .collect();
     let last = d.positions.len().saturating_sub(1);
     for (i, p) in d.positions.iter().take(last).enumerate() {
         let name = format!(

@@ -2,34 +2,6 @@
 
 use super::{Desk, SCHEDULE, names};
 
-/// So far only `evaluate` and `bound` take errors beyond the twelve coefficients into account.
-#[test]
-fn a_platform_with_more_errors_is_refused_where_they_would_be_ignored() {
-    for (text, key) in [
-        ("[errors]\naccelerometer_bias_ug = 0\n", "errors"),
-        ("[errors.considered.parameter]\nT_XX = 3\n", "errors"),
-        ("[gyro.output_axis]\nX = \"+y\"\n", "gyro.output_axis"),
-        ("[azimuth]\nnoise_arcsec = 5\n", "azimuth.noise_arcsec"),
-    ] {
-        let desk = Desk::new();
-        desk.write("full.toml", text);
-        desk.write("s.csv", SCHEDULE);
-        for command in [
-            &["search", "full.toml"][..],
-            &["simulate", "-s", "s.csv", "-p", "full.toml"],
-            &["compare", "s.csv", "standard:faces-6", "-p", "full.toml"],
-        ] {
-            desk.run(command).refused(&[
-                "full.toml:",
-                key,
-                command[0],
-                "yet",
-                "`evaluate` knows it",
-            ]);
-        }
-    }
-}
-
 #[test]
 fn bad_platform_files_are_refused_by_line_key_and_value() {
     let cases: &[(&str, &[&str])] = &[
