@@ -301,7 +301,8 @@ mod tests {
             for count in [1, 2, 3, 5, 8, 13, 30] {
                 let angles = |k: usize| {
                     let k = (k + 7 * case + 31 * count) as f64;
-                    [2.1 * k + 0.3, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4].map(|a| a % 6.28)
+                    [2.1 * k + 0.3, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4]
+                        .map(|a| a % std::f64::consts::TAU)
                 };
                 let held = (0..count).map(|k| {
                     ScheduledPosition::new(Position::from_array(angles(k)), 700.0 + 10.0 * k as f64)

@@ -257,7 +257,7 @@ fn analyze_names_what_all_parameters_leave_out_and_what_would_help() {
     let mut schedule = document["schedule"].clone();
     let positions = schedule["positions"].as_array_mut().unwrap();
     positions.extend(best["positions"].as_array().unwrap().iter().cloned());
-    desk.write("more.json", &schedule.to_string());
+    desk.write("more.json", schedule.to_string());
     let args = ["evaluate", "-s", "more.json", "-p", "p.toml", "--json"];
     let after: Value = serde_json::from_str(&desk.done(&args)).unwrap();
     let criterion = after["score"]["criterion"].as_f64().unwrap();
