@@ -382,6 +382,9 @@ impl Certifier {
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),
             Some(Majorant::Isotropic) if self.conditions.frame_hold => Some(Remark::FrameHold),
+            Some(Majorant::Isotropic) if self.conditions.azimuth_variance.is_some() => {
+                Some(Remark::MeasuredLikeTheBest)
+            }
             Some(Majorant::Isotropic) => Some(Remark::IsotropicMajorant),
             Some(Majorant::Separated) => None,
         };

@@ -21,6 +21,9 @@ pub enum Remark {
     FrameHold,
     /// Only the isotropic majorant holds: all of the misalignment counts as measured.
     IsotropicMajorant,
+    /// Only the isotropic majorant holds, with an azimuth: all of the misalignment counts as measured
+    /// like the best measured part of it.
+    MeasuredLikeTheBest,
     /// The bound is for an index table whose moves take no time.
     IndexTable,
     /// The platform has errors, of these groups, that the bound takes as known.
@@ -62,6 +65,10 @@ impl fmt::Display for Remark {
             Self::IsotropicMajorant => {
                 "weak bound, because the separated majorant does not hold here: it is as if all \
                  three components of the misalignment were measured"
+            }
+            Self::MeasuredLikeTheBest => {
+                "it is as if every component of the misalignment were measured as well as the best \
+                 measured one"
             }
             Self::IndexTable => {
                 "for schedules on the index table whose moves take no time; while a move lasts, \

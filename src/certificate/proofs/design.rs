@@ -283,7 +283,27 @@ fn where_nothing_is_measured_the_prior_is_the_bound() {
 #[test]
 fn extreme_conditions_have_a_bound_or_say_why_not() {
     type Change = fn(&mut PlatformConfig);
-    let cases: [(&str, Change); 9] = [
+    let cases: [(&str, Change); 15] = [
+        ("as well as the best", |c| {
+            c.azimuth.noise_arcsec = Some(1e-3);
+        }),
+        ("", |c| c.azimuth.noise_arcsec = Some(1e6)),
+        ("", |c| {
+            c.azimuth.noise_arcsec = Some(1e-3);
+            c.gyro.random_drift_deg_per_h = Some(0.0);
+        }),
+        ("", |c| {
+            c.azimuth.noise_arcsec = Some(1e-3);
+            c.filter.period_s = 3000.0;
+        }),
+        ("", |c| {
+            c.azimuth.noise_arcsec = Some(1.0);
+            c.accelerometer.noise_g = 1e-12;
+        }),
+        ("frame-hold", |c| {
+            c.azimuth.noise_arcsec = Some(0.1);
+            c.motion.repositioning = Repositioning::FrameHold;
+        }),
         ("", |c| c.gyro.random_drift_deg_per_h = Some(0.0)),
         ("pole", |c| c.site.latitude_deg = 90.0),
         ("", |c| c.site.latitude_deg = -89.999),
