@@ -62,8 +62,10 @@ macro_rules! four {
 pub(crate) use {four, three};
 
 mod lanes;
+mod packed;
 
 pub(crate) use lanes::Lanes;
+pub(crate) use packed::Packed;
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -549,65 +551,5 @@ impl<S: Simd, L: Alignment> Row for Register<S, L> {
     fn total(self) -> f64 {
         let p: [f64; 4] = cast(self.lanes);
         (p[0] + p[2]) + (p[1] + p[3])
-    }
-}
-
-/// One schedule with rows in the 256-bit registers of `S`.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Packed<S>(pub S);
-
-impl<S: Simd> Arithmetic for Packed<S> {
-    type Number = f64;
-    type Triple = Register<S, Align32>;
-    type Quad = Register<S, Align32>;
-    type Node = Register<S, Align32>;
-    type Panels = Panels;
-    const PASSES: usize = 1;
-
-    #[inline(always)]
-    fn always_apart<W: Work>(self, work: W) -> W::Output {
-        call_apart(self.0, work)
-    }
-
-    #[inline(always)]
-    fn number(self, value: f64) -> f64 {
-        value
-    }
-    #[inline(always)]
-    fn triple(self, entries: [f64; 3]) -> Self::Triple {
-        self.quad([entries[0], entries[1], entries[2], 0.0])
-    }
-    #[inline(always)]
-    fn constants(self, padded: &[f64; 4]) -> Self::Triple {
-        self.quad(*padded)
-    }
-    #[inline(always)]
-    fn quad(self, entries: [f64; 4]) -> Self::Quad {
-        Register::new(self.0, cast(entries))
-    }
-    #[inline(always)]
-    fn at_nodes(self, value: f64) -> Self::Node {
-        Register::new(self.0, self.0.splat_f64s(value))
-    }
-    #[inline(always)]
-    fn steps(self, panels: &Panels) -> usize {
-        panels.steps()
-    }
-    #[inline(always)]
-    fn panel_share(self, panels: &Panels) -> f64 {
-        panels.share()
-    }
-    #[inline(always)]
-    fn nodes(self, panels: &Panels, _: usize, step: usize) -> [Self::Node; 2] {
-        let (panel, group) = panels.group(step);
-        [
-            self.quad(group.places) + self.at_nodes(panel),
-            self.quad(group.weights),
-        ]
-    }
-    #[inline(always)]
-    fn sum_nodes(self, values: Self::Node) -> f64 {
-        let v: [f64; 4] = cast(values.lanes);
-        (v[0] + v[2]) + (v[1] + v[3])
     }
 }

@@ -120,6 +120,26 @@ impl Mixing {
         reason = "the catalogue has the features of every family, which a test shows"
     )]
     pub fn new(errors: &ErrorModel, seen: &[usize]) -> Self {
+        Self::of_all(errors, seen, |all, counts| {
+            Self::on::<Instruments>(Kind::Instruments, all, counts)
+                .or_else(|| Self::on::<Catalogue>(Kind::Catalogue, all, counts))
+        })
+        .expect("the catalogue has every feature")
+    }
+
+    /// On the largest shape, whatever the parameters.
+    #[cfg(test)]
+    pub fn of_catalogue(errors: &ErrorModel) -> Self {
+        let on = |all: &[Known<'_>], counts| Self::on::<Catalogue>(Kind::Catalogue, all, counts);
+        Self::of_all(errors, &[], on).unwrap()
+    }
+
+    /// What `on` makes of the parameters in their order, and of how many are estimated and considered.
+    fn of_all(
+        errors: &ErrorModel,
+        seen: &[usize],
+        on: impl Fn(&[Known<'_>], (usize, usize)) -> Option<Self>,
+    ) -> Option<Self> {
         let effects = errors.effects();
         let (mut estimated, mut considered) = (Vec::new(), Vec::new());
         for (i, parameter) in errors.parameters().iter().enumerate().skip(COEFFICIENTS) {
@@ -137,9 +157,7 @@ impl Mixing {
         let all = estimated.into_iter().chain(considered).chain(rest);
         let known = |i: usize| (&effects[i][..], errors.parameters()[i].prior_sigma);
         let all: Vec<Known<'_>> = all.map(known).collect();
-        Self::on::<Instruments>(Kind::Instruments, &all, counts)
-            .or_else(|| Self::on::<Catalogue>(Kind::Catalogue, &all, counts))
-            .expect("the catalogue has every feature")
+        on(&all, counts)
     }
 
     fn on<S: Shape>(

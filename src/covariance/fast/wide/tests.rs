@@ -11,6 +11,7 @@ use crate::motion::Timeline;
 use crate::platform::{Platform, PlatformConfig, Repositioning};
 use crate::schedule::ScheduledPosition;
 
+mod duals;
 mod weights;
 
 /// A small generator of its own: the same cases for ever.
