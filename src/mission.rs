@@ -223,15 +223,18 @@ impl Columns {
                 return Err(text::with_nearest(error, name, known()));
             }
             if header.iter().filter(|other| *other == name).count() > 1 {
-                return Err(Error::input("this column is given twice")
+                return Err(Error::input("a column of the profile is given twice")
                     .with_key(name)
+                    .with_value("twice")
+                    .with_allowed("once")
                     .with_line(1));
             }
         }
         let place = |name: &&str| {
             header.iter().position(|h| h == *name).ok_or_else(|| {
-                Error::input("this column is missing")
+                Error::input("a column of the profile is missing")
                     .with_key(*name)
+                    .with_value(text::shown(&header.iter().collect::<Vec<_>>().join(",")))
                     .with_allowed(REQUIRED.join(", "))
                     .with_line(1)
             })

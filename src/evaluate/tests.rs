@@ -260,7 +260,7 @@ fn early_convergence_has_a_value_and_a_gradient() {
     let positions: Vec<ScheduledPosition> = (schedule().positions().iter().enumerate())
         .map(|(k, p)| ScheduledPosition {
             move_s: (k > 0).then_some(321.0 + 10.0 * k as f64),
-            dwell_s: p.dwell_s + 3.0,
+            dwell_s: p.dwell_s + 2.0,
             ..*p
         })
         .collect();
