@@ -172,6 +172,11 @@ impl<'a, T: Real> Selection<'a, T> {
         }
     }
 
+    /// The degree of A in the angles.
+    pub fn degree(&self) -> f64 {
+        self.degree
+    }
+
     fn place_at(&self, c: Matrix3<T>) -> Place<T> {
         let model = self.model;
         let rate = c.transpose() * model.earth_rate_n.map(T::from);

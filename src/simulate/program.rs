@@ -20,9 +20,10 @@ pub const MAX_INTERVALS: f64 = 500_000.0;
 /// covariance q t I but for a relative (ω_ie t)²/12, 1e-6 at this length.
 const LONGEST_S: f64 = 50.0;
 
-/// Largest turn of the platform in one Runge–Kutta step, rad: with h the step's turn the local
-/// error is about h⁵/2880 of the drift's effect, 3e-9.
-const LARGEST_TURN_RAD: f64 = 0.1;
+/// Largest phase of the drift matrix in one Runge–Kutta step, rad: the platform's turn times the
+/// degree of A in the angles. With φ that phase the error is about φ⁴/2880 of the drift's effect in a
+/// move, 6e-7; A of the twelve coefficients is of degree 2, with quadratic drift of degree 3.
+const LARGEST_PHASE_RAD: f64 = 0.2;
 
 /// Three rows on the parameters, estimated and considered.
 pub(super) type Drive = Matrix3xX<f64>;
@@ -195,6 +196,11 @@ impl<'a> LinearEffects<'a> {
         self.mixing.nothing()
     }
 
+    /// Of A in the angles.
+    fn degree(&self) -> f64 {
+        self.along_moves.as_ref().map_or(2.0, Selection::degree)
+    }
+
     /// X A at an attitude that is held.
     fn held(&self, x: &Matrix3<f64>, attitude: &Attitude) -> Drive {
         if self.along_moves.is_none() {
@@ -334,7 +340,8 @@ impl ProgramBuilder<'_> {
     fn path(&self, m: &Move, piece: &Piece, duration: f64) -> Path {
         let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
         let share = piece.length_s / duration;
-        let steps = (turn * share / LARGEST_TURN_RAD).ceil().max(1.0) as usize;
+        let largest_turn = LARGEST_PHASE_RAD / self.effects.degree();
+        let steps = (turn * share / largest_turn).ceil().max(1.0) as usize;
         let nodes = (0..=2 * steps).map(|i| {
             let t = piece.start_s + piece.length_s * i as f64 / (2 * steps) as f64;
             m.position_at(t / duration)
