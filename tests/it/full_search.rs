@@ -12,7 +12,7 @@ accelerometer_misalignment_arcsec = 60.0
 accelerometer_second_order_ug_per_g2 = 20.0
 ";
 /// A search that takes a second.
-const QUICK: &str = "[search]\nstarts = 6\nmax_positions = 8\n";
+const QUICK: &str = "[search]\nstarts = 3\nmax_positions = 7\n";
 
 fn study(text: &str) -> Study {
     Study::from_toml(text).unwrap()
@@ -133,8 +133,13 @@ fn every_kind_of_search_knows_the_full_error_model() {
             "{name}: {}",
             rms(&result)
         );
+        // In mode `time` the bound is one on the time.
+        let achieved = match name {
+            "time" => evaluation.total_time_s,
+            _ => evaluation.score.criterion,
+        };
         let (criterion, bound) = (
-            evaluation.score.criterion,
+            achieved,
             result
                 .document()
                 .certificate
