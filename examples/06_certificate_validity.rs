@@ -231,7 +231,11 @@ fn optimised_schedule(seed: u64) -> Tally {
         platforms: 1,
         ..Tally::default()
     };
-    let platform = random_platform(&mut rng, false);
+    // Every third on a platform with more errors.
+    let platform = match seed % 3 {
+        0 => full_platform(&mut rng),
+        _ => random_platform(&mut rng, false),
+    };
     let criterion = random_criterion(&mut rng);
     let objective = Objective {
         criterion: criterion.clone(),

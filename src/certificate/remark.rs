@@ -5,6 +5,7 @@ use std::fmt;
 use super::minimum_time::MinimumTime;
 use crate::criterion::KnownBefore;
 use crate::error::Error;
+use crate::wording::listed;
 
 /// What a bound does not cover, or why it is weak. [`fmt::Display`] puts it into words, the same in
 /// every document, report and terminal.
@@ -45,10 +46,12 @@ impl fmt::Display for Remark {
             Self::Time(time) => return time.fmt(f),
             Self::NoBound(e) => return write!(f, "no bound here, because {e}"),
             Self::TakenAsKnown(groups) => {
+                let title = |key: &&'static str| crate::model::group(key).map_or(*key, |g| g.title);
+                let titles: Vec<&str> = groups.iter().map(title).collect();
                 return write!(
                     f,
                     "these errors are taken as known exactly, which can only lower the bound: {}",
-                    groups.join(", ")
+                    listed(&titles)
                 );
             }
             Self::PriorItself => {

@@ -62,7 +62,7 @@ impl fmt::Display for Change {
 
 /// A number of a platform file as a person would write it, without the roundings of a product.
 fn plain(value: f64) -> String {
-    let digits = format!("{value:.9e}");
+    let digits = format!("{value:.5e}");
     let value: f64 = digits.parse().unwrap_or(value);
     match value != 0.0 && value.abs() < 1e-3 {
         true => format!("{value:e}"),

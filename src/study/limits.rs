@@ -223,3 +223,54 @@ fn criterion_of(config: &StudyConfig, schedule: &Schedule, total_time_s: f64) ->
     let timeline = Timeline::unchecked(checked.platform(), scaled);
     criterion(&evaluator, &timeline).ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::Control;
+
+    const STAND: &str = "[gimbals]\nbeta_deg = [-30, 30]\n[motion]\nslew_rate_deg_per_s = 1\n\
+                         settle_s = 60\n[search]\nstarts = 6\nmax_positions = 8\n\
+                         [errors.considered]\naccelerometer_bias_ug = 100\n";
+
+    #[test]
+    fn each_limit_is_the_criterion_with_one_thing_better() {
+        let study = Study::from_toml(STAND).unwrap();
+        let found = study.search(&Control::default()).unwrap();
+        let limits = &found.document().evaluation.limits;
+        let ratio = |what: &str| {
+            let limit = limits.iter().find(|l| l.what == what);
+            limit
+                .unwrap_or_else(|| panic!("{what} in {limits:?}"))
+                .criterion_ratio
+        };
+        // Everything helps, and the most helpful comes first.
+        assert!(
+            limits.iter().all(|l| l.criterion_ratio < 1.0 + 1e-9),
+            "{limits:?}"
+        );
+        assert!(limits.is_sorted_by(|a, b| a.criterion_ratio <= b.criterion_ratio));
+        // A range that is used to its ends costs something.
+        assert!(
+            ratio("gimbals.beta_deg") < 0.995,
+            "{}",
+            ratio("gimbals.beta_deg")
+        );
+        // Estimating the bias is far better than ignoring it.
+        assert!(ratio("errors.considered.accelerometer_bias_ug") < 0.5);
+        // What another study says of the same schedule.
+        let quieter = StudyConfig {
+            platform: {
+                let mut platform = study.config().platform.clone();
+                platform.accelerometer.noise_g *= 0.5;
+                platform
+            },
+            ..study.config().clone()
+        };
+        let quieter = Study::from_config(quieter).unwrap();
+        let evaluated = quieter.evaluate(found.schedule()).unwrap();
+        let expected =
+            evaluated.document().score.criterion / found.document().evaluation.score.criterion;
+        assert!((ratio("accelerometer.noise_g") / expected - 1.0).abs() < 1e-6);
+    }
+}

@@ -174,8 +174,8 @@ fn limits_table(limits: &[LimitRecord]) -> HtmlTable {
         vec![
             l.what.clone(),
             l.change
-                .replace("arcsec", "″")
-                .replace("deg wider", "° wider"),
+                .replace(" arcsec", "″")
+                .replace(" deg wider", "° wider"),
             format!("{:.4}", l.criterion_ratio),
             words::gained(l.criterion_ratio),
         ]
