@@ -291,29 +291,35 @@ impl Task for ToEnd<'_> {
             Wanted::Value(merit) => model
                 .end_covariance_in_doubles(self.timeline, self.rule)
                 .and_then(|end| merit(&end)),
-            Wanted::Gradient(merit, out) if kept => merit(&of).map(|(value, slope)| {
-                let information = match &slope {
-                    Slope::Variances(g) => {
-                        complete(ar, &mut p);
-                        symmetric_product(ar, &p, &pulled_slope(ar, &p, g))
-                    }
-                    _ => known_rows(ar, &by_gyros(&slope.of_information(&of))),
-                };
-                course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
-                value
-            }),
-            Wanted::Gradient(merit, out) => {
-                let told = told(&legs, &earth, &tape);
-                let whitened = Whitened::new(&told, &model.prior_sigma);
-                whitened.and_then(|whitened| {
-                    let of = Rooted::new(whitened.root.clone());
-                    let (value, slope) = merit(&of)?;
-                    let rows = whitened.times_adjoint(&slope.in_root(&of));
-                    let rows = rows.iter().map(|row| row_by_gyros(ar, row));
-                    let information = ByRows(rows.collect());
+            // No closures around what is bulky: they are compiled without the registers.
+            Wanted::Gradient(merit, out) if kept => match merit(&of) {
+                Ok((value, slope)) => {
+                    let information = match &slope {
+                        Slope::Variances(g) => {
+                            complete(ar, &mut p);
+                            symmetric_product(ar, &p, &pulled_slope(ar, &p, g))
+                        }
+                        _ => known_rows(ar, &by_gyros(&slope.of_information(&of))),
+                    };
                     course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
                     Ok(value)
-                })
+                }
+                Err(error) => Err(error),
+            },
+            Wanted::Gradient(merit, out) => {
+                let told = told(&legs, &earth, &tape);
+                match by_rows(&told, model, merit) {
+                    Ok((value, rows)) => {
+                        let mut of_rows = Vec::with_capacity(rows.len());
+                        for row in &rows {
+                            of_rows.push(row_by_gyros(ar, row));
+                        }
+                        let information = ByRows(of_rows);
+                        course::backward(ar, &legs, &earth, &tape.steps, &information, per_s, out);
+                        Ok(value)
+                    }
+                    Err(error) => Err(error),
+                }
             }
         };
         keep_tape(tape);
@@ -323,6 +329,18 @@ impl Task for ToEnd<'_> {
             value: value?,
         })
     }
+}
+
+/// A figure of merit by the rows that the chain has told, and what its derivative does to each.
+fn by_rows(
+    told: &[Told],
+    model: &CovarianceModel,
+    merit: Merit<'_, (f64, Slope)>,
+) -> Result<(f64, Vec<[f64; COEFFICIENTS]>)> {
+    let whitened = Whitened::new(told, &model.prior_sigma)?;
+    let of = Rooted::new(whitened.root.clone());
+    let (value, slope) = merit(&of)?;
+    Ok((value, whitened.times_adjoint(&slope.in_root(&of))))
 }
 
 /// The rows on D that the chain has told, in order.
