@@ -69,7 +69,7 @@ pub fn print() {
 }
 
 /// Medians.
-fn show(filter: Vec<f64>, names: [&str; 4], taken: [(Vec<f64>, Vec<f64>); 4]) {
+fn show<const N: usize>(filter: Vec<f64>, names: [&str; N], taken: [(Vec<f64>, Vec<f64>); N]) {
     println!("step-by-step filter: {:.0} µs", 1e6 * median(filter));
     for (name, (times, ratios)) in names.iter().zip(taken) {
         let (taken, ratio) = (1e6 * median(times), median(ratios));
@@ -82,6 +82,7 @@ pub fn print_wide() {
     let case = Case::relaxed(12);
     let (platform, timeline) = (wide::platform(), case.timeline(0));
     let (model, parameters) = (CovarianceModel::new(&platform), wide::parameters(&platform));
+    let four = CovarianceModel::new(&platform).with_most_lanes(4);
     let (_, timelines) = batch(case);
     let many = timelines.len() as f64;
     let rule = TickRule::Relaxed;
@@ -98,7 +99,7 @@ pub fn print_wide() {
         (found / by_filter - 1.0).abs() < 1e-3,
         "{found} {by_filter}"
     );
-    let once: [(&str, &dyn Fn() -> f64); 4] = [
+    let once: [(&str, &dyn Fn() -> f64); 6] = [
         ("value, 33 parameters", &|| {
             repeated(&|| {
                 let _ = black_box(model.value(black_box(&timeline), rule, log));
@@ -115,9 +116,15 @@ pub fn print_wide() {
         ("gradient in lanes, 33 parameters", &|| {
             time(|| model.gradients(black_box(&timelines), rule, slope)) / many
         }),
+        ("value in four lanes, 33 parameters", &|| {
+            time(|| four.values(black_box(&timelines), rule, log)) / many
+        }),
+        ("gradient in four lanes, 33 parameters", &|| {
+            time(|| four.gradients(black_box(&timelines), rule, slope)) / many
+        }),
     ];
     let mut filter = Vec::new();
-    let mut taken = [(); 4].map(|()| (Vec::new(), Vec::new()));
+    let mut taken = [(); 6].map(|()| (Vec::new(), Vec::new()));
     for _ in 0..ROUNDS / 10 {
         let naive_s = time(|| wide::covariance_trace(&platform, &parameters, black_box(&timeline)));
         for ((_, work), (times, ratios)) in once.iter().zip(&mut taken) {

@@ -181,6 +181,7 @@ impl Legs<Counting> for CountedLegs<'_> {
                 change: s.turn.change.map(Counted),
                 duration_s: Counted(s.turn.duration_s),
                 time: Counted(s.turn.time),
+                instant: s.turn.instant,
             },
             interval: Interval {
                 start_s: Counted(s.interval.start_s),

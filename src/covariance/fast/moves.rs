@@ -19,6 +19,8 @@ pub(crate) struct Turn<N> {
     pub duration_s: N,
     /// 1; where it takes no time, 0: only torquers see it.
     pub time: N,
+    /// Whether none takes any time, in all lanes: then rates are all that counts.
+    pub instant: bool,
 }
 
 impl<N: Number> Turn<N> {
@@ -65,6 +67,8 @@ struct AtNode<N> {
     alpha: (N, N),
     /// Φ(t_end − t) times the node's weight.
     phi: Entries<N>,
+    /// The node's weight.
+    weight: N,
 }
 
 /// C_c^n = Mx(α) My(β) Mz(γ), (19), and (sin α, cos α).
@@ -142,6 +146,8 @@ struct Nodes<N> {
     start: N,
     length: N,
     width: N,
+    /// Whether no time passes, and Φ is 1.
+    instant: bool,
 }
 
 impl<N: Number> Nodes<N> {
@@ -174,6 +180,16 @@ impl<N: Number> Nodes<N> {
             start: ar.at_nodes(interval.start_s),
             length: ar.at_nodes(interval.length_s),
             width: ar.at_nodes(width),
+            instant: !S::DRIFT_ONLY && turn.instant,
+        }
+    }
+
+    /// Φ C times the node's weight.
+    #[inline(always)]
+    fn turned(&self, node: &AtNode<N>) -> Entries<N> {
+        match self.instant {
+            true => three!(|i| three!(|j| node.c[i][j] * node.weight)),
+            false => product(&node.phi, &node.c),
         }
     }
 
@@ -193,12 +209,26 @@ impl<N: Number> Nodes<N> {
         let fraction = (self.start + t) * self.per_duration;
         let (c, alpha) = attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])));
         let weight = self.width * weights;
-        let phi = self.earth.transition(self.length - t);
+        let phi = match self.instant {
+            true => {
+                let zero = weight.constant(0.0);
+                [
+                    [weight, zero, zero],
+                    [zero, weight, zero],
+                    [zero, zero, weight],
+                ]
+            }
+            false => {
+                let phi = self.earth.transition(self.length - t);
+                three!(|i| three!(|j| phi[i][j] * weight))
+            }
+        };
         AtNode {
             fraction,
             c,
             alpha,
-            phi: three!(|i| three!(|j| phi[i][j] * weight)),
+            phi,
+            weight,
         }
     }
 }
@@ -252,10 +282,13 @@ pub(crate) fn drift_integral<A: Arithmetic, S: Shape>(
         let mut sums = [every::<S, _>([nothing; 4]); 3];
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
-            let turned = product(&node.phi, &node.c);
+            let turned = nodes.turned(&node);
             let of = basis::<_, S>(&node.c, &nodes.body_rate::<S>(&node));
             for i in 0..3 {
                 for q in 0..S::GYRO_QUADS {
+                    if nodes.instant && !has_rates::<S>(q) {
+                        continue;
+                    }
                     add_features::<_, S>(&mut sums[i][q], turned[i][S::LAYOUT[q].axis], q, &of);
                 }
             }
@@ -275,6 +308,13 @@ pub(crate) fn drift_integral<A: Arithmetic, S: Shape>(
         }
     }
     times_time::<A, S>(ar, turn, &b)
+}
+
+/// Whether a quad is of the body's rates, at least in part.
+#[inline(always)]
+const fn has_rates<S: Shape>(q: usize) -> bool {
+    let features = &S::FEATURES[S::LAYOUT[q].block];
+    features[0].is_rate() || features[1].is_rate() || features[2].is_rate() || features[3].is_rate()
 }
 
 /// `turned` times the features of quad `q`, added to `sum`.
@@ -379,9 +419,13 @@ fn wide_angle_adjoint<N: Number, S: Shape>(
     let zero = c[0][0].constant(0.0);
     let body_rate = nodes.body_rate::<S>(node);
     let of = basis::<_, S>(c, &body_rate);
-    let turned = product(&node.phi, c);
+    let turned = nodes.turned(node);
     let (mut pulled, mut features) = ([[zero; 3]; 3], [zero; FEATURES]);
     for q in 0..S::GYRO_QUADS {
+        if nodes.instant && !has_rates::<S>(q) {
+            // Its adjoint is 0.
+            continue;
+        }
         let layout = &S::LAYOUT[q];
         let axis = layout.axis;
         for e in 0..4 {
@@ -440,6 +484,7 @@ mod tests {
             change: m.change,
             duration_s: m.duration_s,
             time: 1.0,
+            instant: false,
         };
         (
             turn,

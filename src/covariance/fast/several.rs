@@ -97,6 +97,8 @@ fn no_stretch() -> Stretch<f64, Panels> {
             change: [0.0; 3],
             duration_s: 1.0,
             time: 1.0,
+            // Nothing happens in it, in no time or another.
+            instant: true,
         },
         interval: Interval {
             start_s: 0.0,
@@ -181,6 +183,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
                 change: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.change[i])),
                 duration_s: lanes!(|s: &Stretch<f64, Panels>| s.turn.duration_s),
                 time: lanes!(|s: &Stretch<f64, Panels>| s.turn.time),
+                instant: of.iter().all(|s| s.turn.instant),
             },
             interval: Interval {
                 start_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.start_s),

@@ -83,6 +83,7 @@ impl<A: Single> OneTimeline<'_, A> {
                 change: m.change,
                 duration_s: 1.0,
                 time: 0.0,
+                instant: true,
             },
             interval: Interval {
                 start_s: 0.0,
@@ -164,6 +165,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
                 change: m.change,
                 duration_s: m.duration_s,
                 time: 1.0,
+                instant: false,
             },
             interval: Interval { start_s, length_s },
             panels: self.panels(m, length_s),

@@ -206,6 +206,7 @@ impl Legs<Dually> for DualLegs<'_> {
                 change: three!(|i| Dual(s.turn.change[i], to[i] - from[i])),
                 duration_s: Dual(s.turn.duration_s, longer),
                 time: known(s.turn.time),
+                instant: s.turn.instant,
             },
             interval: Interval {
                 start_s: known(s.interval.start_s),
