@@ -638,7 +638,7 @@ fn bound_covers_the_full_error_model() {
     assert!(told.lines().all(|l| l.chars().count() <= 80), "{told}");
     let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(
-        told.contains("known exactly") && told.contains("torquer_scale_factor_ppm"),
+        told.contains("known exactly") && told.contains("torquer scale factor"),
         "{told}"
     );
     let out = desk.done(&["bound", "full.toml", "--json"]);
