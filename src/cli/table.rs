@@ -134,7 +134,10 @@ pub(super) fn coefficients(document: &EvaluationDocument) -> String {
 
 /// The parameters beside the coefficients, a table for each group.
 pub(super) fn parameters(others: &[ParameterRecord]) -> String {
-    let claims = others.iter().any(|p| p.claimed_sigma.is_some());
+    let columns = ParameterColumns {
+        claims: others.iter().any(|p| p.claimed_sigma.is_some()),
+        specified: others.iter().any(|p| p.spec.is_some()),
+    };
     let mut text = String::new();
     for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {
         let ignored = match group[0].role {
@@ -142,12 +145,22 @@ pub(super) fn parameters(others: &[ParameterRecord]) -> String {
             RoleRecord::Considered => ", not known to the filter",
         };
         text.push_str(&format!("\n{}{ignored}\n\n", group[0].group));
-        text.push_str(&parameters_of_group(group, claims));
+        text.push_str(&parameters_of_group(group, columns));
     }
     text
 }
 
-fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
+/// Columns that a table of parameters has only where they say something.
+#[derive(Clone, Copy)]
+struct ParameterColumns {
+    /// What the filter claims.
+    claims: bool,
+    /// The specification.
+    specified: bool,
+}
+
+fn parameters_of_group(group: &[ParameterRecord], columns: ParameterColumns) -> String {
+    let ParameterColumns { claims, specified } = columns;
     let is_estimated = group[0].role == RoleRecord::Estimated;
     let rows = group.iter().map(|p| {
         let mut row = vec![p.name.clone(), p.unit.clone(), number(p.prior_sigma)];
@@ -158,6 +171,13 @@ fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
             }
             row.push(optional(p.observability_order, |o| o.to_string()));
             row.push(optional(p.separability, separability));
+            if specified {
+                row.push(optional(p.spec, number));
+                row.push(optional(p.spec, |spec| {
+                    let met = p.sigma <= spec;
+                    if met { "met" } else { "missed" }.to_owned()
+                }));
+            }
         }
         row
     });
@@ -168,6 +188,9 @@ fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
             columns.push(("claimed", Right));
         }
         columns.extend([("order", Right), ("separability", Right)]);
+        if specified {
+            columns.extend([("spec", Right), ("it is", Left)]);
+        }
     }
     render_rows(&columns, rows.collect())
 }
