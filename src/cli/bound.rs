@@ -33,7 +33,7 @@ pub(super) fn run(args: &BoundArgs, output: Output) -> Result<Exit> {
 /// The bound for people.
 fn report(document: &BoundDocument) -> String {
     let mut text = String::new();
-    if document.criterion != "a" {
+    if document.criterion != "a" || !document.inputs.objective.weights.is_empty() {
         let unit = words::unit(&document.criterion_unit);
         text.push_str(&format!(
             "No schedule of {} s or less has a criterion {} below {}{unit}\n",

@@ -8,6 +8,7 @@ use super::screen::Screen;
 use crate::attitude::Position;
 use crate::motion::{Leg, Timeline, gimbal_change};
 use crate::platform::{Platform, Repositioning};
+use crate::report::words;
 use crate::results::schema::DocumentKind;
 use crate::results::{
     BaselineRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord, RoleRecord,
@@ -313,7 +314,7 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
     };
     let rows = std::iter::once(&this).chain(baselines).map(row);
     let score = &found.score;
-    let criterion = format!("{}, {}", score.criterion_name, score.criterion_unit);
+    let criterion = words::criterion_column(&score.criterion_name, &score.criterion_unit);
     let columns = [
         ("scheme", Left),
         ("positions", Right),
@@ -322,7 +323,7 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
         (criterion.as_str(), Right),
         ("ratio", Right),
     ];
-    if score.criterion_name == "a" {
+    if words::is_the_rms(found) {
         let [scheme, positions, rms, rms_ratio, ..] = columns;
         let rows = rows.map(|[a, b, c, d, ..]| [a, b, c, d]);
         return render([scheme, positions, rms, rms_ratio], rows.collect());
@@ -356,7 +357,7 @@ pub(super) fn sigma_bounds(document: &BoundDocument) -> String {
 
 /// The front of total time against criterion.
 pub(super) fn front(criterion_name: &str, criterion_unit: &str, front: &[ParetoRecord]) -> String {
-    let criterion = format!("{criterion_name}, {criterion_unit}");
+    let criterion = words::criterion_column(criterion_name, criterion_unit);
     let columns = [
         ("total time, s", Right),
         (criterion.as_str(), Right),

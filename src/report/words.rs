@@ -83,10 +83,11 @@ pub fn verdict(document: &ResultDocument) -> String {
     let found = &document.evaluation;
     let score = &found.score;
     let positions = found.schedule.positions.len();
-    let searched_for = match score.criterion_name.as_str() {
-        "a" => String::new(),
-        name => format!(
-            ", criterion {name} {}{}",
+    let searched_for = match is_the_rms(found) {
+        true => String::new(),
+        false => format!(
+            ", criterion {} {}{}",
+            score.criterion_name,
             number(score.criterion),
             unit(&score.criterion_unit)
         ),
@@ -113,6 +114,20 @@ pub fn compared(ratio: Option<f64>) -> String {
         r if r <= 0.995 => format!("{:.2} times worse than", 1.0 / r),
         _ => "as good as".to_owned(),
     }
+}
+
+/// Name of a criterion and its unit, as they head a column of a terminal.
+pub fn criterion_column(name: &str, unit: &str) -> String {
+    match unit {
+        "1" => name.to_owned(),
+        unit => format!("{name}, {unit}"),
+    }
+}
+
+/// Whether the criterion is the RMS σ itself: `a` without weights.
+pub fn is_the_rms(document: &EvaluationDocument) -> bool {
+    let weights = &document.inputs.objective.weights;
+    document.score.criterion_name == "a" && weights.is_empty()
 }
 
 /// A unit as it follows a number; empty for a ratio.

@@ -227,10 +227,10 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> String {
         .with_curve(Curve::new("no schedule is below", LIMIT, bounds));
     for p in front {
         let title = format!(
-            "{} s: {} {}, {} positions",
+            "{} s: {}{}, {} positions",
             seconds(p.total_time_s),
             number(p.criterion),
-            score.criterion_unit,
+            words::unit(&score.criterion_unit),
             p.schedule.positions.len()
         );
         let at = [p.total_time_s, p.criterion];

@@ -76,3 +76,44 @@ fn a_simulation_is_checked_against_every_specification() {
         assert!(desk.text("page.html").contains("<td>ppm</td>"));
     }
 }
+
+#[test]
+fn a_comparison_does_not_call_a_missed_specification_met() {
+    for (spec, met) in [(1e-3, false), (500.0, true)] {
+        let desk = desk("", spec);
+        let json = desk.done(&["compare", "s.csv", "-p", "p.toml", "--json"]);
+        let document: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let first = &document["schedules"][0];
+        let expected = if met {
+            &first["total_time_s"]
+        } else {
+            &serde_json::Value::Null
+        };
+        assert_eq!(
+            first
+                .get("time_to_spec_s")
+                .unwrap_or(&serde_json::Value::Null),
+            expected
+        );
+    }
+}
+
+#[test]
+fn a_weighted_criterion_is_said_beside_the_rms() {
+    let desk = Desk::new();
+    desk.write(
+        "p.toml",
+        "[motion]\nslew_rate_deg_per_s = 2\n[errors]\ntorquer_scale_factor_ppm = 1000\n\
+         [objective]\ntotal_time_s = 2000\n[objective.weights]\ndefault = 0\nT_XX = 1\n\
+         [search]\nstarts = 1\nmax_positions = 3\n",
+    );
+    let text = desk
+        .done(&["search", "p.toml", "-o", "out"])
+        .replace('\n', " ");
+    assert!(text.contains(", criterion a "), "{text}");
+    assert!(text.contains("| a, mixed |"), "{text}");
+    assert!(
+        text.contains("counts only parameters that the bound takes as known"),
+        "{text}"
+    );
+}
