@@ -378,6 +378,10 @@ impl Certifier {
         if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
             return vec![Remark::KnownBefore(known)];
         }
+        if criterion.counts_only_others() {
+            let remarks = [Remark::OnlyOthers].into_iter();
+            return remarks.chain(self.taken_as_known()).collect();
+        }
         let weak = match bound.majorant.map(|m| m.kind) {
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),

@@ -161,7 +161,7 @@ impl StudyConfig {
                 .with_key(key)
                 .with_value(format!("\"{value}\""))
                 .with_allowed(format!(
-                    "\"{value}\" together with objective.spec_deg_per_h"
+                    "\"{value}\" together with objective.spec or objective.spec_deg_per_h"
                 ))
                 .with_hint("give [objective.spec_deg_per_h] with, for example, default = 0.005"))
         };

@@ -237,6 +237,16 @@ impl Criterion {
         }
     }
 
+    /// Whether it counts parameters beside the drift coefficients, and none of these.
+    pub fn counts_only_others(&self) -> bool {
+        let none = match self {
+            Self::D | Self::E | Self::Use { .. } => false,
+            Self::A { weights, .. } => weights.iter().all(|w| *w == 0.0),
+            Self::MaxRatio { spec_deg_per_h, .. } => spec_deg_per_h.iter().all(|s| s.is_infinite()),
+        };
+        none && self.counts_others()
+    }
+
     /// Whether parameters beside the twelve coefficients have a part in the value.
     pub fn counts_others(&self) -> bool {
         match self {

@@ -14,4 +14,6 @@ pub use crate::results::*;
 pub use crate::schedule::file::{PositionRecord, ScheduleDocument};
 pub use crate::simulate::consistency::{Consistency, Verdict};
 pub use crate::simulate::divergence::{DivergedRun, Divergence, Sign};
-pub use crate::simulate::specification::{Decision, SpecificationCheck, SpecifiedCoefficient};
+pub use crate::simulate::specification::{
+    Decision, SpecificationCheck, SpecifiedCoefficient, SpecifiedParameter,
+};

@@ -93,6 +93,11 @@ impl Default for Objective {
 }
 
 impl Objective {
+    /// Whether parameters beside the drift coefficients have a specification.
+    pub fn specifies_others(&self) -> bool {
+        self.spec_of_others.iter().any(|s| s.is_finite())
+    }
+
     /// The usual weight of the separability beside a covariance weight of 1.
     pub const SEPARABILITY_WEIGHT: f64 = 0.01;
 

@@ -25,6 +25,8 @@ const REQUIRED: [&str; 4] = ["time_s", "f_x", "f_y", "f_z"];
 const RATES: [&str; 3] = ["w_x", "w_y", "w_z"];
 /// Most rows of a profile.
 const MOST_ROWS: usize = 1_000_000;
+/// Most steps of the integration, which is some seconds: one for every row and every half degree turned.
+const MOST_STEPS: usize = 4_000_000;
 
 /// An instant of a profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,6 +89,7 @@ impl Mission {
             .from_reader(text::without_bom(text).as_bytes());
         let columns = Columns::of(reader.headers().map_err(unreadable)?)?;
         let mut instants: Vec<Instant> = Vec::new();
+        let mut all_steps = 0_usize;
         for record in reader.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, |p| p.line() as usize);
@@ -103,6 +106,12 @@ impl Mission {
                     ))
                     .with_line(line));
             }
+            if let Some(last) = instants.last() {
+                all_steps = all_steps.saturating_add(steps(last, &instant));
+                if all_steps > MOST_STEPS {
+                    return Err(turns_too_far(last, &instant).with_line(line));
+                }
+            }
             instants.push(instant);
             if instants.len() > MOST_ROWS {
                 return Err(Error::input(format!("more than {MOST_ROWS} rows")));
@@ -110,6 +119,7 @@ impl Mission {
         }
         if instants.len() < 2 {
             return Err(Error::input("a profile has at least two rows")
+                .with_key("rows")
                 .with_value(instants.len())
                 .with_allowed("two or more rows after the header"));
         }
@@ -168,11 +178,27 @@ impl Mission {
     }
 }
 
+/// Most that the platform turns in a step of the integration.
+const MOST_RAD: f64 = 0.01;
+
 /// Into how many steps an interval is cut: in none the platform turns by more than half a degree.
 fn steps(from: &Instant, to: &Instant) -> usize {
-    const MOST_RAD: f64 = 0.01;
     let turn = from.rate.norm().max(to.rate.norm()) * (to.time_s - from.time_s);
     (turn / MOST_RAD).ceil().max(1.0) as usize
+}
+
+/// A rate that would take hours to follow; the interval ends at `to`.
+fn turns_too_far(from: &Instant, to: &Instant) -> Error {
+    let most_deg = (MOST_STEPS as f64 * MOST_RAD).to_degrees();
+    let rate = match to.rate.norm() > from.rate.norm() {
+        true => to.rate,
+        false => from.rate,
+    };
+    let axis = rate.iamax();
+    Error::input("the platform turns too far in all up to this row")
+        .with_key(RATES[axis])
+        .with_value(rate[axis].to_degrees())
+        .with_allowed(format!("about {most_deg:.0} deg in all"))
 }
 
 /// Φ from one instant to a later one, ω being linear between: minus the rotation vector
@@ -232,10 +258,11 @@ impl Columns {
         }
         let place = |name: &&str| {
             header.iter().position(|h| h == *name).ok_or_else(|| {
+                let (required, rates) = (REQUIRED.join(", "), RATES.join(", "));
                 Error::input("a column of the profile is missing")
                     .with_key(*name)
                     .with_value(text::shown(&header.iter().collect::<Vec<_>>().join(",")))
-                    .with_allowed(REQUIRED.join(", "))
+                    .with_allowed(format!("{required}, and all of {rates} or none"))
                     .with_line(1)
             })
         };
@@ -397,6 +424,12 @@ mod tests {
                 1,
             ),
             ("time_s,time_s,f_x,f_y,f_z\n".to_owned(), "time_s", 1),
+            (
+                "time_s,f_x,f_y,f_z,w_x,w_y,w_z\n0,0,1,0,0,0,0\n1,0,1,0,1,-9000,0\n1e6,0,1,0,0,0,0\n"
+                    .to_owned(),
+                "w_y",
+                4,
+            ),
         ] {
             let error = Mission::from_csv(&text).unwrap_err();
             assert_refused_by_key(&error, key);

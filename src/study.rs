@@ -207,7 +207,8 @@ impl Study {
             let bound = certifier.bound(&objective.criterion, total_time_s)?;
             let spec = objective.spec_deg_per_h.as_ref();
             let minimum = spec.map(|spec| certifier.minimum_time(spec, total_time_s));
-            Ok::<_, Error>((bound, minimum.transpose()?))
+            let others = objective.specifies_others();
+            Ok::<_, Error>((bound, minimum.transpose()?.map(|m| m.beside(others))))
         })??;
         let document = BoundDocument::new(&bound, minimum, objective, &self.inputs());
         Ok(BoundResult::new(document, minimum, total_time_s))

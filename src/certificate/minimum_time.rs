@@ -18,6 +18,9 @@ use crate::schedule::MAX_DURATION_S;
 pub enum MinimumTime {
     /// The prior already meets the specification.
     Nothing,
+    /// What the specification asks for is met by the prior, or is of parameters beside the drift
+    /// coefficients, which the bound takes as known.
+    OfOthers,
     /// No schedule of this duration, s, or shorter meets the specification.
     MoreThan(f64),
     /// Not even in the longest test the program handles, of this duration in s.
@@ -31,6 +34,10 @@ impl fmt::Display for MinimumTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Nothing => f.write_str("the prior already meets the specification"),
+            Self::OfOthers => f.write_str(
+                "no bound on the time: what the specification asks of the drift coefficients the \
+                 prior already meets, and of the other parameters this says nothing",
+            ),
             Self::MoreThan(s) => {
                 write!(f, "no schedule of {s:.1} s or less meets the specification")
             }
@@ -42,6 +49,17 @@ impl fmt::Display for MinimumTime {
             Self::Unknown => f.write_str(
                 "no useful bound on the time: the bound does not exclude even the shortest test",
             ),
+        }
+    }
+}
+
+impl MinimumTime {
+    /// The same of a specification that asks for parameters beside the drift coefficients too, `others`.
+    #[must_use]
+    pub fn beside(self, others: bool) -> Self {
+        match self {
+            Self::Nothing if others => Self::OfOthers,
+            of_the_twelve => of_the_twelve,
         }
     }
 }

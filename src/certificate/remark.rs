@@ -16,6 +16,8 @@ pub enum Remark {
     KnownBefore(KnownBefore),
     /// Nothing is measured in so short a test.
     PriorItself,
+    /// The criterion counts none of the drift coefficients.
+    OnlyOthers,
     /// No majorant of the information was found.
     NoMajorant,
     /// Frame-hold repositioning turns the misalignment, so that all of it counts as measured.
@@ -56,6 +58,10 @@ impl fmt::Display for Remark {
             }
             Self::PriorItself => {
                 "nothing is measured in so short a test: the bound is the prior itself"
+            }
+            Self::OnlyOthers => {
+                "no bound here, because the criterion counts only parameters that the bound takes \
+                 as known"
             }
             Self::NoMajorant => {
                 "no useful bound here, because without random drift and with so long a filter \

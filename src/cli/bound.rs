@@ -2,6 +2,7 @@
 
 use crate::config::Mode;
 use crate::error::Result;
+use crate::report::words;
 use crate::results::BoundDocument;
 use crate::wording;
 
@@ -32,11 +33,8 @@ pub(super) fn run(args: &BoundArgs, output: Output) -> Result<Exit> {
 /// The bound for people.
 fn report(document: &BoundDocument) -> String {
     let mut text = String::new();
-    if document.criterion != "a" {
-        let unit = match document.criterion_unit.as_str() {
-            "1" => String::new(),
-            unit => format!(" {unit}"),
-        };
+    if document.criterion != "a" || !document.inputs.objective.weights.is_empty() {
+        let unit = words::unit(&document.criterion_unit);
         text.push_str(&format!(
             "No schedule of {} s or less has a criterion {} below {}{unit}\n",
             wording::seconds(document.total_time_s),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::compare::{PositionOrder, Proof};
 use crate::error::Result;
+use crate::report::words;
 use crate::results::{ComparedRecord, ComparisonDocument};
 use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
@@ -151,8 +152,9 @@ fn label(name: &str, order: PositionOrder) -> String {
 }
 
 fn overview(document: &ComparisonDocument) -> String {
-    let with_criterion = document.criterion_name != "a";
-    let criterion = format!("{}, {}", document.criterion_name, document.criterion_unit);
+    let with_criterion =
+        document.criterion_name != "a" || !document.inputs.objective.weights.is_empty();
+    let criterion = words::criterion_column(&document.criterion_name, &document.criterion_unit);
     let has_spec = document
         .schedules
         .iter()

@@ -116,10 +116,18 @@ pub(super) fn additions(additions: &AdditionsRecord) -> String {
         }
         Aim::Criterion => "the criterion".to_owned(),
     };
-    let mut text = wrap(&format!(
-        "What would help most, rated by {aim}, beside the same time in longer dwells ({} tried):",
-        additions.examined
-    ));
+    let tried = additions.examined;
+    let found = [&additions.position, &additions.turn];
+    let mut text = match found.into_iter().flatten().any(|a| a.factor > 1.0) {
+        true => wrap(&format!(
+            "What would help most, rated by {aim}, beside the same time in longer dwells ({tried} \
+             tried):"
+        )),
+        false => wrap(&format!(
+            "Rated by {aim}, nothing helps more than the same time in longer dwells ({tried} tried); \
+             the best of what does less:"
+        )),
+    };
     let all = [
         ("the best position", &additions.position, false),
         ("the best move", &additions.turn, true),
@@ -136,9 +144,15 @@ pub(super) fn additions(additions: &AdditionsRecord) -> String {
 }
 
 fn by(what: &str, a: &AdditionRecord) -> String {
+    let than_by_time = match a.factor > 1.0 {
+        true => format!("{} times smaller by it", number(a.factor)),
+        false => format!(
+            "{} times larger by it than by the time alone",
+            number(1.0 / a.factor)
+        ),
+    };
     format!(
-        "{what} ({} times smaller by it; criterion {}, the time alone {})",
-        number(a.factor),
+        "{what} ({than_by_time}; criterion {}, the time alone {})",
         number(a.criterion),
         number(a.criterion_same_time)
     )
@@ -149,5 +163,36 @@ fn few(names: &[String]) -> String {
     match names.len() {
         n if n > READABLE => format!("{} and {} more", names[..READABLE].join(", "), n - READABLE),
         _ => listed(names),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What does less than longer dwells is not said to help most.
+    #[test]
+    fn an_addition_is_measured_by_the_time_that_it_takes() {
+        for (factor, heading, said) in [
+            (1.25, "What would help most", "1.250 times smaller by it;"),
+            (
+                0.8,
+                "nothing helps more than the same time",
+                "1.250 times larger by it than by the time alone;",
+            ),
+        ] {
+            let position = serde_json::json!({
+                "positions": [], "turn": null, "total_time_s": 1100.0, "criterion": 2.0,
+                "criterion_same_time": 1.9, "factor": factor, "helps": [], "words": "hold it",
+            });
+            let record = serde_json::json!({
+                "aim": { "kind": "criterion" }, "position": position, "turn": null,
+                "move_is_better": false, "examined": 307,
+            });
+            let record: AdditionsRecord = serde_json::from_value(record).unwrap();
+            let text = additions(&record).replace('\n', " ");
+            assert!(text.contains(heading), "{text}");
+            assert!(text.contains(said), "{text}");
+        }
     }
 }

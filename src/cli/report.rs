@@ -48,6 +48,7 @@ pub(super) fn search(
     text.push_str(&table::schedule(platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(found));
+    text.push_str(&other_parameters(found));
     text.push('\n');
     text.push_str(&wrap(&words::observability(found)));
     text.push_str(&limits(found));
@@ -87,6 +88,18 @@ fn work(document: &ResultDocument) -> String {
     ))
 }
 
+/// What the test tells about the parameters beside the coefficients; empty where there are none.
+fn other_parameters(document: &EvaluationDocument) -> String {
+    let others = document.parameters.get(document.coefficients.len()..);
+    match others {
+        None | Some([]) => String::new(),
+        Some(others) => format!(
+            "\nOther parameters after the test, 1 sigma\n{}",
+            table::parameters(others)
+        ),
+    }
+}
+
 /// What is known of a given schedule.
 pub(super) fn evaluation(
     document: &EvaluationDocument,
@@ -100,11 +113,7 @@ pub(super) fn evaluation(
     text.push_str(&beyond_limits(document, platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
-    if document.parameters.len() > document.coefficients.len() {
-        text.push_str("\nOther parameters after the test, 1 sigma\n");
-        let others = &document.parameters[document.coefficients.len()..];
-        text.push_str(&table::parameters(others));
-    }
+    text.push_str(&other_parameters(document));
     if !document.budget.is_empty() {
         text.push('\n');
         text.push_str(&wrap(
@@ -208,7 +217,7 @@ fn totals(document: &EvaluationDocument) -> String {
          largest sigma      {} deg/h\n\
          worst combination  {} deg/h\n\
          ln det P_D         {} (P_D in (deg/h)^2)\n\
-         criterion {:<9}{} {}\n\
+         {:<18} {}{}\n\
          score              {}\n\
          total time         {} s, of which {} s moves and settles\n\
          agreement          {:.0e} between two computations of every sigma{}\n",
@@ -216,9 +225,9 @@ fn totals(document: &EvaluationDocument) -> String {
         number(document.max_sigma_deg_per_h),
         number(document.max_eig_sigma_deg_per_h),
         document.logdet_deg_per_h.map_or_else(missing, number),
-        score.criterion_name,
+        format!("criterion {}", score.criterion_name),
         number(score.criterion),
-        score.criterion_unit,
+        words::unit(&score.criterion_unit),
         score.value.map_or_else(missing, number),
         seconds(document.total_time_s),
         seconds(document.overhead_s),

@@ -8,6 +8,7 @@ use super::screen::Screen;
 use crate::attitude::Position;
 use crate::motion::{Leg, Timeline, gimbal_change};
 use crate::platform::{Platform, Repositioning};
+use crate::report::words;
 use crate::results::schema::DocumentKind;
 use crate::results::{
     BaselineRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord, RoleRecord,
@@ -134,7 +135,10 @@ pub(super) fn coefficients(document: &EvaluationDocument) -> String {
 
 /// The parameters beside the coefficients, a table for each group.
 pub(super) fn parameters(others: &[ParameterRecord]) -> String {
-    let claims = others.iter().any(|p| p.claimed_sigma.is_some());
+    let columns = ParameterColumns {
+        claims: others.iter().any(|p| p.claimed_sigma.is_some()),
+        specified: others.iter().any(|p| p.spec.is_some()),
+    };
     let mut text = String::new();
     for group in others.chunk_by(|a, b| (&a.group, a.role) == (&b.group, b.role)) {
         let ignored = match group[0].role {
@@ -142,12 +146,22 @@ pub(super) fn parameters(others: &[ParameterRecord]) -> String {
             RoleRecord::Considered => ", not known to the filter",
         };
         text.push_str(&format!("\n{}{ignored}\n\n", group[0].group));
-        text.push_str(&parameters_of_group(group, claims));
+        text.push_str(&parameters_of_group(group, columns));
     }
     text
 }
 
-fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
+/// Columns that a table of parameters has only where they say something.
+#[derive(Clone, Copy)]
+struct ParameterColumns {
+    /// What the filter claims.
+    claims: bool,
+    /// The specification.
+    specified: bool,
+}
+
+fn parameters_of_group(group: &[ParameterRecord], columns: ParameterColumns) -> String {
+    let ParameterColumns { claims, specified } = columns;
     let is_estimated = group[0].role == RoleRecord::Estimated;
     let rows = group.iter().map(|p| {
         let mut row = vec![p.name.clone(), p.unit.clone(), number(p.prior_sigma)];
@@ -158,6 +172,13 @@ fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
             }
             row.push(optional(p.observability_order, |o| o.to_string()));
             row.push(optional(p.separability, separability));
+            if specified {
+                row.push(optional(p.spec, number));
+                row.push(optional(p.spec, |spec| {
+                    let met = p.sigma <= spec;
+                    if met { "met" } else { "missed" }.to_owned()
+                }));
+            }
         }
         row
     });
@@ -168,6 +189,9 @@ fn parameters_of_group(group: &[ParameterRecord], claims: bool) -> String {
             columns.push(("claimed", Right));
         }
         columns.extend([("order", Right), ("separability", Right)]);
+        if specified {
+            columns.extend([("spec", Right), ("it is", Left)]);
+        }
     }
     render_rows(&columns, rows.collect())
 }
@@ -290,7 +314,7 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
     };
     let rows = std::iter::once(&this).chain(baselines).map(row);
     let score = &found.score;
-    let criterion = format!("{}, {}", score.criterion_name, score.criterion_unit);
+    let criterion = words::criterion_column(&score.criterion_name, &score.criterion_unit);
     let columns = [
         ("scheme", Left),
         ("positions", Right),
@@ -299,7 +323,7 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
         (criterion.as_str(), Right),
         ("ratio", Right),
     ];
-    if score.criterion_name == "a" {
+    if words::is_the_rms(found) {
         let [scheme, positions, rms, rms_ratio, ..] = columns;
         let rows = rows.map(|[a, b, c, d, ..]| [a, b, c, d]);
         return render([scheme, positions, rms, rms_ratio], rows.collect());
@@ -333,7 +357,7 @@ pub(super) fn sigma_bounds(document: &BoundDocument) -> String {
 
 /// The front of total time against criterion.
 pub(super) fn front(criterion_name: &str, criterion_unit: &str, front: &[ParetoRecord]) -> String {
-    let criterion = format!("{criterion_name}, {criterion_unit}");
+    let criterion = words::criterion_column(criterion_name, criterion_unit);
     let columns = [
         ("total time, s", Right),
         (criterion.as_str(), Right),

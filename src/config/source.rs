@@ -151,8 +151,11 @@ impl StudySource {
             .map_err(|e| self.located(e))
     }
 
-    /// Adds where the value that `error` is about was given.
+    /// Adds where the value that `error` is about was given, unless it is about another file.
     pub(crate) fn located(&self, error: Error) -> Error {
+        if error.file().is_some() {
+            return error;
+        }
         let (Some(key), Some(file)) = (error.key(), &self.file) else {
             return match error.key().and_then(|key| self.line(key)) {
                 Some(line) => error.with_line(line),

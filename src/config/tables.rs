@@ -206,7 +206,9 @@ impl ScoreConfig {
             return Err(Error::input("nothing is left to optimise")
                 .with_key(COVARIANCE)
                 .with_value(self.covariance_weight)
-                .with_allowed(format!("more than 0, or {SEPARABILITY} more than 0")));
+                .with_allowed(format!(
+                    "more than 0, or {SEPARABILITY} or {CONVERGENCE} more than 0"
+                )));
         }
         Ok(())
     }

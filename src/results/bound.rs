@@ -133,7 +133,7 @@ const fn seconds(time: MinimumTime) -> Option<f64> {
     match time {
         MinimumTime::Nothing => Some(0.0),
         MinimumTime::MoreThan(s) | MinimumTime::NotWithin(s) => Some(s),
-        MinimumTime::Unknown => None,
+        MinimumTime::OfOthers | MinimumTime::Unknown => None,
     }
 }
 
@@ -177,7 +177,9 @@ impl CertificateRecord {
         match (mode, &objective.spec_deg_per_h) {
             (Mode::Time, Some(spec)) => {
                 let meets = outcome.status != Status::Infeasible;
-                Self::of_time(certifier, spec, outcome.evaluation.total_time_s, meets)
+                let others = objective.specifies_others();
+                let achieved_s = outcome.evaluation.total_time_s;
+                Self::of_time(certifier, (spec, others), achieved_s, meets)
             }
             _ => Self::of_criterion(
                 certifier,
@@ -215,13 +217,17 @@ impl CertificateRecord {
         }
     }
 
+    /// `spec`: of the coefficients, and whether other parameters have one too.
     fn of_time(
         certifier: &Certifier,
-        spec: &CoefficientVector,
+        (spec, others): (&CoefficientVector, bool),
         achieved_s: f64,
         meets: bool,
     ) -> Self {
-        let (lower_bound, mut remarks) = match certifier.minimum_time(spec, achieved_s) {
+        let (lower_bound, mut remarks) = match certifier
+            .minimum_time(spec, achieved_s)
+            .map(|time| time.beside(others))
+        {
             Ok(MinimumTime::MoreThan(s)) => (Some(s), Vec::new()),
             Ok(other) => (seconds(other), vec![Remark::Time(other)]),
             Err(e) => (None, vec![Remark::NoBound(e)]),

@@ -81,8 +81,8 @@ pub struct ComparedRecord {
     pub criterion_ratio: Option<f64>,
     /// Smallest separability of a coefficient, 0 to 1.
     pub least_separability: f64,
-    /// When every coefficient with a specification was within it for good, s; absent: never, or
-    /// no specification.
+    /// When every coefficient with a specification was within it for good, s; where other parameters
+    /// have one too, the end of the test; absent: never, or no specification.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_to_spec_s: Option<f64>,
     /// The drift coefficients, D_FX to D_SZ.
@@ -211,14 +211,22 @@ fn record(
     }
 }
 
-/// When the last of the coefficients with a specification met it for good, s.
+/// When the last of the coefficients with a specification met it for good, s; of other parameters with
+/// one that is known at the end of the test alone.
 fn time_to_spec(evaluation: &Evaluation, objective: &Objective) -> Option<f64> {
     let spec = objective.spec_deg_per_h?;
     let times = &evaluation.convergence.time_to_spec_s;
-    DriftCoefficient::ALL
+    let of_twelve = DriftCoefficient::ALL
         .into_iter()
         .filter(|c| spec[c.index()].is_finite())
-        .try_fold(0.0_f64, |last, c| Some(last.max(times[c.index()]?)))
+        .try_fold(0.0_f64, |last, c| Some(last.max(times[c.index()]?)))?;
+    let mut others = objective.others.iter().zip(&objective.spec_of_others);
+    let all_met = others.all(|(at, spec)| evaluation.parameters[*at].sigma <= *spec);
+    match (all_met, objective.specifies_others()) {
+        (false, _) => None,
+        (true, true) => Some(evaluation.total_time_s),
+        (true, false) => Some(of_twelve),
+    }
 }
 
 fn coefficients(evaluation: &Evaluation, first: &Evaluation) -> Vec<ComparedCoefficient> {

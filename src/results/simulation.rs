@@ -336,8 +336,8 @@ impl SimulationDocument {
             ratio: c.ratio.and_then(finite),
         };
         let has_azimuth = inputs.config.platform.azimuth.noise_arcsec.is_some();
-        let spec = inputs.config.objective.specification().as_vector();
-        let judgement = Judgement::new(found, spec.as_ref());
+        let spec = inputs.config.objective.specification();
+        let judgement = Judgement::new(found, spec.as_vector().as_ref(), &spec.others);
         Self {
             schema: SIMULATION_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),

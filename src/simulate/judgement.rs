@@ -4,6 +4,7 @@
 //! words say the worst first: runs that diverged, what the errors are, whether the filter can be
 //! believed, whether the specification is met.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use crate::drift::CoefficientVector;
@@ -87,10 +88,15 @@ pub enum Finding {
 
 impl Judgement {
     /// Judges `found` against the specification, °/h (per g), infinite for coefficients without
-    /// one.
-    pub fn new(found: &MonteCarlo, spec_deg_per_h: Option<&CoefficientVector>) -> Self {
+    /// one, and that of other parameters by name, each in its unit.
+    pub fn new(
+        found: &MonteCarlo,
+        spec_deg_per_h: Option<&CoefficientVector>,
+        spec_of_others: &BTreeMap<&'static str, f64>,
+    ) -> Self {
         let verdict = found.verdict();
-        let specification = spec_deg_per_h.and_then(|s| SpecificationCheck::new(found, s));
+        let specification =
+            spec_deg_per_h.and_then(|s| SpecificationCheck::new(found, s, spec_of_others));
         let met = |s: &SpecificationCheck| s.decision == Decision::Met;
         let divergence = &found.divergence;
         let mut findings = Vec::new();
@@ -347,16 +353,19 @@ fn rounded_up(count: usize) -> usize {
 
 /// Whether the errors of the runs show that the specification is met.
 fn specified(s: &SpecificationCheck, runs: usize, diverged: bool) -> String {
+    let said = |name: &str, error: Option<f64>, spec: f64, unit: &str| {
+        let error = error.map_or_else(|| "-".to_owned(), number);
+        format!("{name} ({error} against {} {unit})", number(spec))
+    };
     let of = |decision: Decision| -> Vec<String> {
-        s.coefficients
-            .iter()
-            .filter(|c| c.decision == decision)
-            .map(|c| {
-                let error = c.rms_error_deg_per_h.map_or_else(|| "-".to_owned(), number);
-                let spec = number(c.spec_deg_per_h);
-                format!("{} ({error} against {spec} deg/h)", c.name.name())
-            })
-            .collect()
+        let coefficients = s.coefficients.iter().filter(|c| c.decision == decision);
+        let coefficients = coefficients.map(|c| {
+            let error = c.rms_error_deg_per_h;
+            said(c.name.name(), error, c.spec_deg_per_h, "deg/h")
+        });
+        let parameters = s.parameters.iter().filter(|p| p.decision == decision);
+        let parameters = parameters.map(|p| said(&p.name, p.rms_error, p.spec, &p.unit));
+        coefficients.chain(parameters).collect()
     };
     let certain = 100.0 * s.probability;
     match s.decision {

@@ -7,7 +7,7 @@
 //! RMS √(N / χ²_{1−p/2}(N)) ≤ s ≤ RMS √(N / χ²_{p/2}(N))
 //! ```
 //!
-//! With m coefficients that have a specification p is 0.05/m, so that all m intervals hold their s
+//! With m parameters that have a specification p is 0.05/m, so that all m intervals hold their s
 //! together in 95 of 100 simulations. A specification is **met** when the whole interval is within
 //! it, **not met** when the whole interval is beyond it, and otherwise these runs do not decide.
 //!
@@ -15,6 +15,7 @@
 //! mixture of which it has seen a few samples: it can show that the specification is not met, but
 //! not that it is.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::drift::{CoefficientVector, DriftCoefficient};
 
 use super::consistency::PROBABILITY;
+use super::monte_carlo::ParameterCheck;
 use super::{MAX_RUNS, MonteCarlo};
 
 /// What the runs say of a specification.
@@ -65,11 +67,30 @@ pub struct SpecifiedCoefficient {
     pub decision: Decision,
 }
 
+/// One parameter beside the coefficients against its specification.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct SpecifiedParameter {
+    /// `T_XY`, `K_0Z` …
+    pub name: String,
+    /// Unit of the numbers that follow: `ppm`, `arcsec`, `ug` …
+    pub unit: String,
+    /// Specification, 1σ.
+    pub spec: f64,
+    /// RMS error of the runs; null: not finite.
+    pub rms_error: Option<f64>,
+    /// Between what 1σ of the error lies, all intervals together with certainty `probability`; null:
+    /// not finite.
+    pub interval: Option<[f64; 2]>,
+    /// What that says.
+    pub decision: Decision,
+}
+
 /// A simulation against the specification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SpecificationCheck {
-    /// What the runs say of all coefficients that have a specification.
+    /// What the runs say of all coefficients and parameters that have a specification.
     pub decision: Decision,
     /// Certainty with which all intervals hold.
     pub probability: f64,
@@ -78,43 +99,99 @@ pub struct SpecificationCheck {
     pub runs_needed: Option<usize>,
     /// The coefficients that have a specification.
     pub coefficients: Vec<SpecifiedCoefficient>,
+    /// The other parameters that have one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<SpecifiedParameter>,
+}
+
+/// What the runs say of one 1σ: RMS error, interval, decision.
+struct Decided {
+    rms_error: Option<f64>,
+    interval: Option<[f64; 2]>,
+    decision: Decision,
+}
+
+impl Decided {
+    fn new(rms: f64, spec: f64, factors: [f64; 2], any_diverged: bool) -> Self {
+        let interval = factors.map(|f| rms * f);
+        Self {
+            rms_error: Some(rms).filter(|r| r.is_finite()),
+            interval: Some(interval).filter(|_| rms.is_finite()),
+            decision: decide(interval, spec, any_diverged),
+        }
+    }
 }
 
 impl SpecificationCheck {
-    /// `found` against `spec`, °/h (per g), infinite for coefficients without one; none when none
-    /// has one.
-    pub fn new(found: &MonteCarlo, spec: &CoefficientVector) -> Option<Self> {
+    /// `found` against `spec`, °/h (per g), infinite for coefficients without one, and against that of
+    /// other parameters by name, each in its unit; none when none has one.
+    pub fn new(
+        found: &MonteCarlo,
+        spec: &CoefficientVector,
+        of_others: &BTreeMap<&'static str, f64>,
+    ) -> Option<Self> {
         let specified: Vec<DriftCoefficient> = DriftCoefficient::ALL
             .into_iter()
             .filter(|c| spec[c.index()].is_finite())
             .collect();
-        let tail = 0.5 * (1.0 - PROBABILITY) / specified.len() as f64;
+        let others: Vec<(&ParameterCheck, f64)> = found
+            .parameters
+            .iter()
+            .filter_map(|p| Some((p, *of_others.get(p.parameter.name)?)))
+            .collect();
+        let tail = 0.5 * (1.0 - PROBABILITY) / (specified.len() + others.len()) as f64;
         let factors = interval_factors(found.runs, tail)?;
         let any_diverged = found.divergence.count > 0;
+        let decided = |rms, spec| Decided::new(rms, spec, factors, any_diverged);
         let coefficients: Vec<SpecifiedCoefficient> = specified
             .iter()
             .map(|c| {
-                let (rms, spec) = (found.coefficients[c.index()].rms_error, spec[c.index()]);
-                let interval = factors.map(|f| rms * f);
+                let spec = spec[c.index()];
+                let of = decided(found.coefficients[c.index()].rms_error, spec);
                 SpecifiedCoefficient {
                     name: *c,
                     spec_deg_per_h: spec,
-                    rms_error_deg_per_h: Some(rms).filter(|r| r.is_finite()),
-                    interval_deg_per_h: Some(interval).filter(|_| rms.is_finite()),
-                    decision: decide(interval, spec, any_diverged),
+                    rms_error_deg_per_h: of.rms_error,
+                    interval_deg_per_h: of.interval,
+                    decision: of.decision,
                 }
             })
             .collect();
-        let has = |d: Decision| coefficients.iter().any(|c| c.decision == d);
+        let parameters: Vec<SpecifiedParameter> = others
+            .iter()
+            .map(|(p, spec)| {
+                let of = decided(p.check.rms_error, *spec);
+                SpecifiedParameter {
+                    name: p.parameter.name.to_owned(),
+                    unit: p.parameter.unit.name().to_owned(),
+                    spec: *spec,
+                    rms_error: of.rms_error,
+                    interval: of.interval,
+                    decision: of.decision,
+                }
+            })
+            .collect();
+        // Decision, and the RMS error beside the specification.
+        let of_coefficients = coefficients.iter().map(|c| {
+            (
+                c.decision,
+                c.rms_error_deg_per_h.map(|e| e / c.spec_deg_per_h),
+            )
+        });
+        let of_parameters = parameters
+            .iter()
+            .map(|p| (p.decision, p.rms_error.map(|e| e / p.spec)));
+        let all: Vec<(Decision, Option<f64>)> = of_coefficients.chain(of_parameters).collect();
+        let has = |d: Decision| all.iter().any(|(of, _)| *of == d);
         let decision = match (has(Decision::NotMet), has(Decision::NotDecided)) {
             (true, _) => Decision::NotMet,
             (false, true) => Decision::NotDecided,
             (false, false) => Decision::Met,
         };
-        let closest = coefficients
+        let closest = all
             .iter()
-            .filter(|c| c.decision == Decision::NotDecided)
-            .filter_map(|c| Some(c.rms_error_deg_per_h? / c.spec_deg_per_h))
+            .filter(|(of, _)| *of == Decision::NotDecided)
+            .filter_map(|(_, ratio)| *ratio)
             .min_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()));
         let runs_needed = match decision {
             Decision::NotDecided if !any_diverged => closest.and_then(|r| runs_for(r, tail)),
@@ -125,6 +202,7 @@ impl SpecificationCheck {
             probability: PROBABILITY,
             runs_needed,
             coefficients,
+            parameters,
         })
     }
 }
@@ -144,7 +222,7 @@ fn decide([low, high]: [f64; 2], spec: f64, any_diverged: bool) -> Decision {
 /// either side.
 fn interval_factors(runs: usize, tail: f64) -> Option<[f64; 2]> {
     let chi = ChiSquared::new(runs as f64).ok()?;
-    // NaN: no coefficient has a specification.
+    // Not finite: nothing has a specification.
     (tail.is_finite())
         .then(|| [1.0 - tail, tail].map(|p| (runs as f64 / chi.inverse_cdf(p)).sqrt()))
 }

@@ -85,7 +85,9 @@ impl BoundResult {
         let specification_is_hopeless = match minimum {
             Some(MinimumTime::MoreThan(s)) => s >= total_time_s,
             Some(MinimumTime::NotWithin(_)) => true,
-            Some(MinimumTime::Nothing | MinimumTime::Unknown) | None => false,
+            Some(MinimumTime::Nothing | MinimumTime::OfOthers | MinimumTime::Unknown) | None => {
+                false
+            }
         };
         Self {
             document,

@@ -179,17 +179,24 @@ impl Study {
         if wider.is_empty() || on_a_table {
             return Vec::new();
         }
-        let refined = |evaluator: &Evaluator| {
-            let plan = polished(evaluator, schedule, total_time_s)?;
-            criterion(evaluator, &plan.timeline(evaluator.platform())).ok()
+        let refined = |evaluator: &Evaluator, from: &Schedule| {
+            let plan = polished(evaluator, from, total_time_s)?;
+            let value = criterion(evaluator, &plan.timeline(evaluator.platform())).ok()?;
+            Some((plan, value))
         };
-        let Some(now) = refined(&self.evaluator) else {
+        let Some((plan, now)) = refined(&self.evaluator, schedule) else {
+            return Vec::new();
+        };
+        // From the best within the ranges as they are, which the wider ones allow too.
+        let Ok(best) = plan.to_schedule(self.evaluator.platform()) else {
             return Vec::new();
         };
         let with = |gimbals: GimbalsConfig| {
             let mut config = self.config().clone();
             config.platform.gimbals = gimbals;
-            Some(refined(&config.check_for_evaluation().ok()?.evaluator())? / now)
+            let evaluator = config.check_for_evaluation().ok()?.evaluator();
+            let (_, then) = refined(&evaluator, &best)?;
+            Some(then.min(now) / now)
         };
         let all = wider.into_iter();
         all.filter_map(|(what, gimbals)| Some((what, with(gimbals)?)))
@@ -281,5 +288,32 @@ mod tests {
         let first = &found.document().evaluation.limits[0];
         assert_eq!(first.what, "errors.considered.accelerometer_bias_ug");
         assert!(first.criterion_ratio < 0.9, "{first:?}");
+    }
+
+    /// Whatever the stand allows, it allows with wider ranges.
+    #[test]
+    fn wider_ranges_never_make_a_test_worse() {
+        let schedule = Schedule::from_csv(
+            "alpha_deg,beta_deg,gamma_deg,dwell_s\n-79.347,75,-85.626,110\n-87,-41,142.406,250\n\
+             80,49.78,155.155,100\n-49,-3.582,-124.506,860\n28.956,-19,154.904,330\n",
+        );
+        let schedule = schedule.unwrap();
+        for (latitude_deg, drift, motion) in [
+            (89.0, 1e6, "repositioning = \"frame-hold\""),
+            (28.2, 15.0, "slew_rate_deg_per_s = 2"),
+            (-33.0, 0.5, "slew_rate_deg_per_s = 0.5\nsettle_s = 30"),
+        ] {
+            let study = Study::from_toml(&format!(
+                "[site]\nlatitude_deg = {latitude_deg}\n[motion]\n{motion}\n\
+                 [prior]\nconstant_drift_deg_per_h = {drift}\n\
+                 g_sensitive_drift_deg_per_h_per_g = 0.5\n\
+                 [gimbals]\nalpha_deg = [-100, 100]\nbeta_deg = [-45, 90]\ngamma_deg = [-180, 180]\n"
+            ));
+            let limits = study.unwrap().limits(&schedule);
+            let of_ranges = limits.iter().filter(|l| l.what.starts_with("gimbals."));
+            let ratios: Vec<f64> = of_ranges.map(|l| l.criterion_ratio).collect();
+            assert_eq!(ratios.len(), 2);
+            assert!(ratios.iter().all(|r| *r <= 1.0), "{motion}: {ratios:?}");
+        }
     }
 }

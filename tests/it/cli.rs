@@ -11,6 +11,7 @@ mod pages;
 mod refusals;
 mod resume;
 mod schemas;
+mod specifications;
 mod verdicts;
 mod warnings;
 

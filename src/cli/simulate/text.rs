@@ -204,9 +204,10 @@ fn specification(document: &SimulationDocument) -> String {
     let Some(check) = judgement.and_then(|j| j.specification.as_ref()) else {
         return String::new();
     };
-    let rows = check.coefficients.iter().map(|c| {
+    let coefficients = check.coefficients.iter().map(|c| {
         [
             c.name.name().to_owned(),
+            "deg/h".to_owned(),
             number(c.spec_deg_per_h),
             optional(c.rms_error_deg_per_h, number),
             optional(c.interval_deg_per_h, |[low, _]| number(low)),
@@ -214,16 +215,28 @@ fn specification(document: &SimulationDocument) -> String {
             c.decision.to_string(),
         ]
     });
+    let parameters = check.parameters.iter().map(|p| {
+        [
+            p.name.clone(),
+            p.unit.clone(),
+            number(p.spec),
+            optional(p.rms_error, number),
+            optional(p.interval, |[low, _]| number(low)),
+            optional(p.interval, |[_, high]| number(high)),
+            p.decision.to_string(),
+        ]
+    });
     let columns = [
-        ("coefficient", Left),
-        ("spec, deg/h", Right),
+        ("name", Left),
+        ("unit", Left),
+        ("spec", Right),
         ("RMS error", Right),
         ("sigma from", Right),
         ("to", Right),
         ("specification", Left),
     ];
     let mut text = "\nErrors against the specification\n\n".to_owned();
-    text.push_str(&render(columns, rows.collect()));
+    text.push_str(&render(columns, coefficients.chain(parameters).collect()));
     text.push('\n');
     text.push_str(&wrap(&words::intervals(check)));
     text

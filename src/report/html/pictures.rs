@@ -6,6 +6,7 @@ use crate::motion::{Leg, Move};
 use crate::report::figure::{
     Band, Color, Curve, Dash, Figure, Mark, Panel, Scale, Shape, Span, Style,
 };
+use crate::report::words;
 use crate::results::{ParetoRecord, ScoreRecord, SimulationDocument};
 use crate::units::Angle;
 use crate::wording::{number, seconds};
@@ -211,11 +212,7 @@ fn accuracy_panel(subject: &Subject, three: &[DriftCoefficient], y_label: &str) 
 
 /// The front of total time against criterion, with what no schedule can beat.
 pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> String {
-    let unit = match score.criterion_unit.as_str() {
-        "1" => "",
-        _ => ", °/h",
-    };
-    let label = format!("criterion {}{unit}", score.criterion_name);
+    let label = words::criterion_heading(score);
     let points: Vec<[f64; 2]> = front
         .iter()
         .map(|p| [p.total_time_s, p.criterion])
@@ -230,10 +227,10 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> String {
         .with_curve(Curve::new("no schedule is below", LIMIT, bounds));
     for p in front {
         let title = format!(
-            "{} s: {} {}, {} positions",
+            "{} s: {}{}, {} positions",
             seconds(p.total_time_s),
             number(p.criterion),
-            score.criterion_unit,
+            words::unit(&score.criterion_unit),
             p.schedule.positions.len()
         );
         let at = [p.total_time_s, p.criterion];

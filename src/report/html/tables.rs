@@ -309,11 +309,7 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> HtmlTable {
             p.schedule.positions.len().to_string(),
         ]
     });
-    let unit = match score.criterion_unit.as_str() {
-        "1" => "",
-        _ => ", °/h",
-    };
-    let criterion = format!("criterion {}{unit}", score.criterion_name);
+    let criterion = words::criterion_heading(score);
     HtmlTable::new(
         "The front: every point is a schedule that the stand can run",
         &[
@@ -406,9 +402,10 @@ fn sigma_columns(of: &str, claims: bool) -> Vec<&str> {
 
 /// Errors of the simulated runs against the specification.
 pub(super) fn specification(check: &SpecificationCheck) -> HtmlTable {
-    let rows = check.coefficients.iter().map(|c| {
+    let coefficients = check.coefficients.iter().map(|c| {
         vec![
             c.name.name().to_owned(),
+            "°/h".to_owned(),
             number(c.spec_deg_per_h),
             optional(c.rms_error_deg_per_h, number),
             optional(c.interval_deg_per_h, |[low, _]| number(low)),
@@ -416,17 +413,29 @@ pub(super) fn specification(check: &SpecificationCheck) -> HtmlTable {
             c.decision.to_string(),
         ]
     });
+    let parameters = check.parameters.iter().map(|p| {
+        vec![
+            p.name.clone(),
+            p.unit.clone(),
+            number(p.spec),
+            optional(p.rms_error, number),
+            optional(p.interval, |[low, _]| number(low)),
+            optional(p.interval, |[_, high]| number(high)),
+            p.decision.to_string(),
+        ]
+    });
     HtmlTable::new(
         "Errors of the simulated runs against the specification",
         &[
-            "coefficient",
-            "specification, °/h",
-            "RMS error, °/h",
-            "1σ from, °/h",
-            "to, °/h",
+            "name",
+            "unit",
+            "specification",
+            "RMS error",
+            "1σ from",
+            "to",
             "the specification is",
         ],
-        rows.collect(),
+        coefficients.chain(parameters).collect(),
     )
 }
 

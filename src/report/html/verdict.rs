@@ -34,12 +34,12 @@ pub(super) fn accuracy_words(subject: &Subject, on_specification: OnSpecificatio
         if positions == 1 { "" } else { "s" },
         seconds(d.overhead_s),
     )];
-    if d.score.criterion_name != "a" {
+    if !words::is_the_rms(d) {
         words.push(format!(
-            "Criterion {}: {} {}.",
+            "Criterion {}: {}{}.",
             d.score.criterion_name,
             number(d.score.criterion),
-            d.score.criterion_unit
+            words::unit(&d.score.criterion_unit)
         ));
     }
     words.extend(on_specification(d));

@@ -185,6 +185,45 @@ fn what_limits_a_search_does_not_stop_an_evaluation() {
         .refused(&["p.toml:2", "objective.total_time_s = -1"]);
 }
 
+/// Whatever is wrong in a profile is said of the profile, not of the platform file that names it.
+#[test]
+fn faults_of_a_profile_name_the_profile() {
+    let desk = Desk::new();
+    let header = "time_s,f_x,f_y,f_z";
+    let cases: &[(String, &[&str])] = &[
+        (
+            format!("{header}\n0,0,1,0\n0,0,1,0\n"),
+            &["flight.csv:3", "time_s = 0", "greater than"],
+        ),
+        (
+            format!("{header}\n0,0,nan,0\n1,0,1,0\n"),
+            &["flight.csv:2", "f_y = nan"],
+        ),
+        (
+            format!("{header},w_x\n0,0,1,0,1\n1,0,1,0,1\n"),
+            &["flight.csv:1", "w_y", "w_x, w_y, w_z or none"],
+        ),
+        (
+            format!("{header}\n0,0,1,0\n"),
+            &["flight.csv", "two or more"],
+        ),
+        (
+            format!("{header},w_x,w_y,w_z\n0,0,1,0,9e3,0,0\n1e9,0,1,0,0,0,0\n"),
+            &["flight.csv:3", "w_x = 9000", "deg in all"],
+        ),
+    ];
+    desk.write(
+        "p.toml",
+        "[objective]\ncriterion = \"use\"\nuse = \"flight.csv\"\n",
+    );
+    for (profile, parts) in cases {
+        desk.write("flight.csv", profile);
+        let run = desk.run(&["bound", "p.toml"]);
+        run.refused(parts);
+        assert!(!run.stderr.contains("p.toml"), "{}", run.stderr);
+    }
+}
+
 #[test]
 fn unreadable_files_are_refused() {
     let desk = Desk::new();

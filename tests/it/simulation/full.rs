@@ -1,5 +1,7 @@
 //! Platforms with more errors than the twelve coefficients.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector};
@@ -323,7 +325,7 @@ fn what_the_filter_ignores_shows_as_the_budget_says() {
     let own = found.claimed.unwrap();
     assert_eq!(own.nees.unwrap().verdict, Verdict::Optimistic);
     assert!(own.nees.unwrap().average > 1000.0 * 33.0);
-    let judged = Judgement::new(&found, None);
+    let judged = Judgement::new(&found, None, &BTreeMap::new());
     let sentences: Vec<String> = judged.findings.iter().map(ToString::to_string).collect();
     let all = sentences.join("\n");
     for part in [

@@ -1,5 +1,7 @@
 //! Many runs: consistency, divergence, the specification.
 
+use std::collections::BTreeMap;
+
 use scheme_opt::internals::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
 use scheme_opt::internals::motion::Timeline;
 use scheme_opt::internals::simulate::consistency::Verdict;
@@ -48,7 +50,7 @@ fn a_diverged_run_is_counted_and_nothing_is_met() {
     let simulation = simulation(&platform, &twelve(), SimulationOptions::default());
     let found = simulation.monte_carlo(100, 1).unwrap();
     let spec = CoefficientVector::repeat(0.005);
-    let judged = Judgement::new(&found, Some(&spec));
+    let judged = Judgement::new(&found, Some(&spec), &BTreeMap::new());
     let sentences: Vec<String> = judged.findings.iter().map(ToString::to_string).collect();
     println!("{sentences:#?}");
     assert_eq!(found.divergence.count, 1);
@@ -87,7 +89,7 @@ fn the_extended_filter_diverges_on_the_default_platform() {
     assert_eq!(found.verdict(), Verdict::Diverged);
     // The specification that the other runs keep is not shown to be met by all.
     let spec = CoefficientVector::repeat(1.0);
-    let judged = Judgement::new(&found, Some(&spec));
+    let judged = Judgement::new(&found, Some(&spec), &BTreeMap::new());
     assert_eq!(judged.specification.unwrap().decision, Decision::NotDecided);
 }
 
@@ -102,7 +104,7 @@ fn the_specification_is_decided_by_the_errors_of_the_runs() {
         (0.5, Decision::NotMet),
     ] {
         let spec = CoefficientVector::from_fn(|i, _| times * rms[i]);
-        let judged = Judgement::new(&found, Some(&spec));
+        let judged = Judgement::new(&found, Some(&spec), &BTreeMap::new());
         let check = judged.specification.unwrap();
         assert_eq!(check.decision, decision, "{times}");
         assert_eq!(check.coefficients.len(), COEFFICIENTS);
@@ -112,11 +114,19 @@ fn the_specification_is_decided_by_the_errors_of_the_runs() {
         assert!(needed.is_none_or(|n| n > 100), "{needed:?}");
     }
     let mut one = CoefficientVector::repeat(f64::INFINITY);
-    assert_eq!(Judgement::new(&found, Some(&one)).specification, None);
+    assert_eq!(
+        Judgement::new(&found, Some(&one), &BTreeMap::new()).specification,
+        None
+    );
     one[3] = 1.0;
-    let check = Judgement::new(&found, Some(&one)).specification.unwrap();
+    let check = Judgement::new(&found, Some(&one), &BTreeMap::new())
+        .specification
+        .unwrap();
     assert_eq!(check.coefficients[0].name, DriftCoefficient::IX);
-    assert_eq!(Judgement::new(&found, None).specification, None);
+    assert_eq!(
+        Judgement::new(&found, None, &BTreeMap::new()).specification,
+        None
+    );
 }
 
 #[test]
