@@ -134,10 +134,22 @@ pub(super) fn names_in(path: &str) -> Vec<&'static str> {
     names
 }
 
-/// A known key whose last part is `name`, wherever it is.
-pub(super) fn elsewhere(name: &str) -> Option<&'static str> {
-    let mut keys = KNOWN.iter().map(|(key, _)| key.as_str());
-    keys.find(|key| key.rsplit('.').next() == Some(name))
+/// A known key whose last part is `name`, wherever it is; of several the one that has most in common
+/// with the table `path`.
+pub(super) fn elsewhere(path: &str, name: &str) -> Option<&'static str> {
+    let common = |key: &str| {
+        key.bytes()
+            .zip(path.bytes())
+            .take_while(|(a, b)| a == b)
+            .count()
+    };
+    let keys = KNOWN.iter().map(|(key, _)| key.as_str());
+    let named = keys.filter(|key| key.rsplit('.').next() == Some(name));
+    // The first of equals.
+    named.reduce(|best, key| match common(key) > common(best) {
+        true => key,
+        false => best,
+    })
 }
 
 /// The part of `key` below the table `path`.
@@ -216,7 +228,9 @@ mod tests {
             ]
         );
         assert_eq!(names_in("filter"), ["period_s"]);
-        assert_eq!(elsewhere("latitude_deg"), Some("site.latitude_deg"));
-        assert_eq!(elsewhere("site"), None);
+        assert_eq!(elsewhere("", "latitude_deg"), Some("site.latitude_deg"));
+        let spec = elsewhere("objective.spec_deg_per_h", "T_XX");
+        assert_eq!(spec, Some("objective.spec.T_XX"));
+        assert_eq!(elsewhere("", "site"), None);
     }
 }

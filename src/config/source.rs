@@ -391,7 +391,7 @@ fn unknown_key(path: &str, name: &str) -> Error {
             _ => format!("{path}.{shown_name}"),
         })
         .with_allowed(known.join(", "));
-    if let Some(key) = keys::elsewhere(name) {
+    if let Some(key) = keys::elsewhere(path, name) {
         return error.with_hint(format!("did you mean `{key}`?"));
     }
     text::with_nearest(error, name, known)
