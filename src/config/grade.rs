@@ -17,6 +17,10 @@ pub enum Grade {
     Strategic,
 }
 
+/// What the default file says of a key that is left out, and what a file of a grade does.
+const SHOWN_HERE: &str = "the value shown here";
+const SHOWN_ELSEWHERE: &str = "the value that `init` without a grade shows";
+
 /// A key of the platform file (table and name) with its values for the three grades.
 type Line = (&'static str, &'static str, [f64; 3]);
 
@@ -131,7 +135,8 @@ impl Grade {
                 Some((_, key, values)) => writeln!(text, "{key} = {:?}", values[self as usize]),
                 // Given in another form.
                 None if is_line_of(line, "random_drift_deg_per_h") => writeln!(text, "# {line}"),
-                None => writeln!(text, "{line}"),
+                // The default of a key is not this file's value for it.
+                None => writeln!(text, "{}", line.replace(SHOWN_HERE, SHOWN_ELSEWHERE)),
             };
         }
         text
@@ -158,6 +163,7 @@ mod tests {
                 let text = grade.platform_file(full);
                 let source = StudySource::parse(&text, None).unwrap();
                 source.check().unwrap();
+                assert!(text.contains(SHOWN_ELSEWHERE) && !text.contains(SHOWN_HERE));
                 let json = serde_json::to_value(&source.config).unwrap();
                 for (table, key, values) in INSTRUMENTS {
                     let found = json[table][key].as_f64();
