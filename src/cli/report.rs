@@ -30,6 +30,9 @@ pub(super) fn search(
     if let Some(certificate) = document.certificate.as_ref().filter(|_| !known) {
         text.push_str(&wrap(&words::within(certificate)));
     }
+    if let Some(claims) = words::claims(found) {
+        text.push_str(&wrap(&claims));
+    }
     // What stays unobservable has been said.
     let is_said = document.unobservable.is_all_of(&document.reason);
     if document.status != Status::Converged && !is_said {
@@ -108,6 +111,9 @@ pub(super) fn evaluation(
 ) -> String {
     let mut text = words::known_before(document).map_or_else(String::new, |w| wrap(&w));
     text.push_str(&totals(document));
+    if let Some(claims) = words::claims(document) {
+        text.push_str(&wrap(&claims));
+    }
     text.push_str("\nSchedule\n\n");
     text.push_str(&table::schedule(platform, timeline));
     text.push_str(&beyond_limits(document, platform, timeline));
@@ -146,8 +152,9 @@ fn limits(document: &EvaluationDocument) -> String {
     match document.limits.is_empty() {
         true => String::new(),
         false => format!(
-            "\nWhat limits this test: the criterion with one thing better\n\n{}",
-            table::limits(document)
+            "\nWhat limits this test\n\n{}{}",
+            table::limits(document),
+            wrap(words::LIMITS)
         ),
     }
 }

@@ -115,7 +115,14 @@ impl ObjectiveConfig {
 /// The mission, where the criterion asks for one.
 fn mission(objective: &ObjectiveConfig) -> Result<Option<Mission>> {
     match (objective.criterion, &objective.use_profile) {
-        (CriterionKind::Use, Some(path)) => Ok(Some(Mission::read(path)?)),
+        (CriterionKind::Use, Some(path)) => {
+            // Which key names a file that cannot be read; a fault inside it has a key of its own.
+            let read = Mission::read(path).map_err(|e| match e.is_io() {
+                true => e.with_key(USE),
+                false => e,
+            });
+            read.map(Some)
+        }
         (CriterionKind::Use, None) => Err(Error::input("needs the profile of a mission")
             .with_key("objective.criterion")
             .with_value("\"use\"")

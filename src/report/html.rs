@@ -68,6 +68,7 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     if !known && document.unobservable.is_acceptable() {
         verdict.extend(gain(&document.baselines));
     }
+    verdict.extend(words::claims(&document.evaluation));
     verdict.extend(weakness(&subject));
     verdict.push(search_words(document));
     verdict.push(words::perfect(&document.inputs));
@@ -375,6 +376,7 @@ fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String
             verdict.extend(gain(&compared));
         }
     }
+    verdict.extend(words::claims(&subject.document));
     verdict.extend(weakness(subject));
     verdict.push(words::perfect(&subject.document.inputs));
     let mut blocks = vec![Block::Table(tables::baselines(subject, &compared))];

@@ -4,7 +4,7 @@ use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
 use crate::results::{
     CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
-    ScoreRecord, SimulatedParameter, SimulationDocument,
+    RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
 };
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
@@ -395,6 +395,33 @@ pub fn specification(document: &EvaluationDocument) -> Option<String> {
     };
     let met: Vec<String> = from.into_iter().chain(at_the_end).collect();
     Some(format!("The specification is met: {}.", met.join("; ")))
+}
+
+/// What a filter that ignores something makes of it; none where it ignores nothing.
+pub fn claims(document: &EvaluationDocument) -> Option<String> {
+    let ratio = |p: &ParameterRecord| p.claimed_sigma.map(|claimed| p.sigma / claimed);
+    let estimated = document
+        .parameters
+        .iter()
+        .filter(|p| ratio(p).is_some_and(f64::is_finite));
+    let size = |p: &ParameterRecord| ratio(p).unwrap_or(0.0);
+    let worst = estimated.max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let ignored = document
+        .parameters
+        .iter()
+        .filter(|p| p.role == RoleRecord::Considered);
+    let mut groups: Vec<&str> = ignored
+        .map(|p| crate::model::group(&p.group).map_or(&p.group[..], |g| g.title))
+        .collect();
+    groups.dedup();
+    let (claimed, unit) = (worst.claimed_sigma?, &worst.unit);
+    Some(format!(
+        "The filter ignores {} and claims less than is true: at worst {}, {} {unit} for {} {unit} claimed.",
+        listed(&groups),
+        worst.name,
+        number(worst.sigma),
+        number(claimed),
+    ))
 }
 
 /// What is changed for [`EvaluationDocument::limits`], and how that is counted.

@@ -1,7 +1,9 @@
 //! The tables of a page.
 
+use crate::attitude::Position;
 use crate::commands::{Segment, clock};
 use crate::compare::PositionOrder;
+use crate::motion::{Leg, gimbal_change};
 use crate::platform::Repositioning;
 use crate::report::words;
 use crate::results::{
@@ -48,7 +50,7 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
                 (false, true) => format!("{}, measured", seconds(m.duration_s)),
                 (false, false) => seconds(m.duration_s),
             },
-        );
+        ) + &unusual_way(subject, leg);
         vec![
             name,
             alpha,
@@ -78,6 +80,22 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
         ],
         rows.collect(),
     )
+}
+
+/// Which way round a gimbal goes where it is not the usual one: the angles do not tell.
+fn unusual_way(subject: &Subject, leg: &Leg) -> String {
+    let Some(arrival) = &leg.arrival else {
+        return String::new();
+    };
+    let from = Position::from_array(arrival.from);
+    let usual = gimbal_change(subject.study.platform(), from, leg.position);
+    let turns = ["α", "β", "γ"].into_iter().enumerate();
+    let unusual = turns.filter(|(axis, _)| (arrival.change[*axis] - usual[*axis]).abs() > 1e-6);
+    let said = unusual.map(|(axis, name)| {
+        let deg = Angle::from_rad(arrival.change[axis]).deg();
+        format!("; {name} by {deg:+.3}°")
+    });
+    said.collect()
 }
 
 /// What the stand is told, one row for each move, settle and dwell.
