@@ -4,7 +4,7 @@
 //! Errors of the torquers show in slews alone, those of the accelerometers in attitudes. So both are
 //! tried: one position or two held for the mean dwell of the schedule, and a turn of one gimbal at a finite rate,
 //! from where the schedule ends or from an attitude in which the gimbal's axis lies along an axis of the
-//! platform. Each is rated by the exact chain, [`CovarianceModel::truth`], of the schedule with it: by the
+//! platform. Each is rated by the exact chain, `CovarianceModel::truth`, of the schedule with it: by the
 //! σ, geometric mean, of what the schedule does not tell, or else by the criterion. What the same time
 //! would do in longer dwells is beside it.
 

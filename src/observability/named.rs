@@ -2,7 +2,7 @@
 //!
 //! The unknowns are the estimated parameters and ψ^n(0), none of them known before: a prior must not hide
 //! what the test cannot tell. Their columns of the information, see
-//! [`signatures`](crate::covariance::signatures), are scaled to length one, so that units do not matter. A
+//! `signatures`, are scaled to length one, so that units do not matter. A
 //! singular value at or below [`UNSEEN`] of the largest is a direction that does not show. Householder
 //! triangles and Jacobi rotations keep columns apart, so that true zeros come out below 1e-15 whatever
 //! the sizes of others; the least that was seen of what does show is 1e-9. The tolerance stands in the

@@ -65,7 +65,7 @@ impl Channel {
     }
 
     /// Its order where only Z is measured: the highest derivative of it in the solution. With the
-    /// azimuth measured too it is [`Regressor::order`].
+    /// azimuth measured too it is `Regressor::order`.
     pub const fn order(self) -> Order {
         match self {
             Self::Azimuth => Order::Zero,
