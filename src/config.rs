@@ -250,7 +250,7 @@ mod tests {
     #[test]
     fn each_value_out_of_range_is_refused_by_key() {
         type Spoil = fn(&mut StudyConfig);
-        let table: [(&str, Spoil); 25] = [
+        let table: [(&str, Spoil); 27] = [
             ("site.latitude_deg", |c| c.platform.site.latitude_deg = 91.0),
             ("objective.total_time_s", |c| c.objective.total_time_s = 0.0),
             ("objective.total_time_s", |c| {
@@ -285,6 +285,12 @@ mod tests {
             }),
             ("objective.score.separability_weight", |c| {
                 c.objective.score.separability_weight = f64::INFINITY;
+            }),
+            ("objective.score.convergence_weight", |c| {
+                c.objective.score.convergence_weight = f64::NAN;
+            }),
+            ("objective.spec.default", |c| {
+                c.objective.spec = PerCoefficient::all(-1.0);
             }),
             ("objective.score.minimum_separability", |c| {
                 c.objective.score.minimum_separability = 1.5;
