@@ -136,7 +136,12 @@ pub(crate) fn polished(
         control: &Control::default(),
         work: &WorkDone::default(),
     };
-    let plan = plan::Plan::new(angles, dwell_s).fitted(evaluator.platform(), total_time_s)?;
+    let mut plan = plan::Plan::new(angles, dwell_s);
+    let ways = positions.iter().map(|p| p.change_deg);
+    plan.ways = ways
+        .map(|way| way.map(|deg| deg.map(f64::to_radians)))
+        .collect();
+    let plan = plan.fitted(evaluator.platform(), total_time_s)?;
     let smoothing = context.first_smoothing();
     Some(refine::refine(context, &plan, smoothing, ITERATIONS)?.plan)
 }
