@@ -71,9 +71,13 @@ impl Default for StudyConfig {
 }
 
 impl StudyConfig {
-    /// Writes down the random drift that is assumed when neither of its forms is given, so that
-    /// the configuration says by itself what is computed with.
+    /// Writes down the noise and the random drift that are assumed when neither of their forms is
+    /// given, so that the configuration says by itself what is computed with.
     fn resolve(&mut self) {
+        let accelerometer = &mut self.platform.accelerometer;
+        if accelerometer.noise_g.is_none() && accelerometer.noise_density_ug_per_sqrt_hz.is_none() {
+            accelerometer.noise_g = Some(crate::platform::DEFAULT_NOISE_G);
+        }
         let gyro = &mut self.platform.gyro;
         if gyro.random_drift_deg_per_h.is_none() && gyro.angle_random_walk_deg_per_sqrt_h.is_none()
         {
@@ -368,6 +372,15 @@ mod tests {
         let output = &mut c.platform.gyro.output_axis;
         (output.x, output.y, output.z) = (axis("+y"), axis("+z"), axis("+x"));
         c.platform.azimuth.noise_arcsec = Some(5.0);
+        let gyro = &mut c.platform.gyro;
+        gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(1e-3);
+        gyro.bias_instability_deg_per_h = Some(3e-3);
+        gyro.bias_correlation_time_s = Some(3600.0);
+        let accelerometer = &mut c.platform.accelerometer;
+        accelerometer.noise_density_ug_per_sqrt_hz = Some(30.0);
+        accelerometer.acceleration_random_walk_ug_per_sqrt_h = Some(1.0);
+        accelerometer.bias_instability_ug = Some(3.0);
+        accelerometer.bias_correlation_time_s = Some(1800.0);
         let errors = &mut c.platform.errors;
         errors.estimated = every_error();
         errors.considered = every_error();

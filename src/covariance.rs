@@ -40,8 +40,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
-use crate::error::Error;
-use crate::model::{ErrorModel, Mounting};
+use crate::error::{Error, Result};
+use crate::model::{Colour, ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
@@ -94,6 +94,10 @@ pub struct CovarianceModel {
     pub(crate) dynamics: ErrorDynamics,
     /// PSD q of the random drift, arcsec²/s.
     pub(crate) drift_psd: f64,
+    /// How the drift of the gyros wanders, °/h.
+    pub(crate) drift_colour: Colour,
+    /// How the bias of the accelerometers wanders, arcsec.
+    pub(crate) accelerometer_colour: Colour,
     /// Variance r² of a measurement, arcsec².
     pub(crate) noise_variance: f64,
     pub(crate) period_s: f64,
@@ -139,6 +143,9 @@ impl CovarianceModel {
         Self {
             dynamics,
             drift_psd,
+            // rad/s to °/h = arcsec/s, and g = rad of tilt to arcsec.
+            drift_colour: platform.drift_colour.times(ARCSEC_PER_RAD),
+            accelerometer_colour: platform.accelerometer_colour.times(ARCSEC_PER_RAD),
             noise_variance,
             period_s: platform.period_s,
             prior_psi: Matrix3::from_diagonal(&prior),
@@ -184,10 +191,39 @@ impl CovarianceModel {
         self.errors.mounting()
     }
 
-    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, seen in two
-    /// channels.
+    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, under white
+    /// noise, seen in two channels.
     pub(crate) fn is_of_the_paper(&self) -> bool {
-        self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
+        self.errors.is_of_the_paper() && self.azimuth_variance.is_none() && self.is_white()
+    }
+
+    /// Whether neither drift nor accelerometers wander.
+    pub(crate) fn is_white(&self) -> bool {
+        self.drift_colour.is_white() && self.accelerometer_colour.is_white()
+    }
+
+    /// Refuses drift and biases that wander, of which `what` does not know.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] naming a key.
+    pub(crate) fn only_white(&self, what: &str) -> Result<()> {
+        let key = match (
+            self.drift_colour.is_white(),
+            self.accelerometer_colour.is_white(),
+        ) {
+            (true, true) => return Ok(()),
+            (false, _) => match self.drift_colour.random_walk {
+                Some(_) => "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
+                None => "gyro.bias_instability_deg_per_h",
+            },
+            (true, false) => match self.accelerometer_colour.random_walk {
+                Some(_) => "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
+                None => "accelerometer.bias_instability_ug",
+            },
+        };
+        let message = format!("{what} takes noise for white, and here drift or biases wander");
+        Err(Error::input(message).with_key(key).with_allowed("left out"))
     }
 
     /// Variance of the measurement of each component of ψ^n in a period, arcsec².

@@ -132,6 +132,9 @@ pub(crate) fn run<T: Real>(
     timeline: &Timeline,
     observe: &mut dyn FnMut(&Moment),
 ) -> Result<FullCovariance> {
+    if !platform.is_white() {
+        return Err(Error::input("the filter takes noise for white").with_key("gyro"));
+    }
     let mut filter = SquareRootFilter::<T>::new(platform, instrument)?;
     filter.report(observe);
     for (index, leg) in timeline.legs().iter().enumerate() {

@@ -404,6 +404,7 @@ impl CovarianceModel {
         rule: TickRule,
         asked: Vec<(&'static str, Role, Question)>,
     ) -> Result<FullWithTold> {
+        self.only_white("the exact chain")?;
         let selection = Selection::<T>::new(self);
         let priors: Vec<f64> = self
             .errors

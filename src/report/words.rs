@@ -2,6 +2,8 @@
 
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
+use crate::model::Colour;
+use crate::platform::Platform;
 use crate::results::{
     CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
     RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
@@ -454,9 +456,43 @@ pub fn perfect(inputs: &StudyConfig) -> String {
         .filter(|group| counts(group.key) && !has(group.key))
         .map(|group| group.title)
         .collect();
-    let noise = "random drift and noise are white";
+    let noise = wandering(checked.as_ref().ok());
     match absent.is_empty() {
         true => format!("Modelled: the full error model; {noise}."),
         false => format!("Perfect in this plan: {}; {noise}.", listed(&absent)),
+    }
+}
+
+/// What is said of noise: what wanders, and what of it is not modelled.
+fn wandering(platform: Option<&Platform>) -> String {
+    let [drift, bias] = [Platform::drift_colour, Platform::accelerometer_colour]
+        .map(|of| platform.map_or(Colour::WHITE, |p| *of(p)));
+    let kinds = [
+        ("rate random walk", drift.random_walk.is_some()),
+        ("bias instability of the gyros", drift.markov.is_some()),
+        ("acceleration random walk", bias.random_walk.is_some()),
+        (
+            "bias instability of the accelerometers",
+            bias.markov.is_some(),
+        ),
+    ];
+    let of = |wanted: bool| {
+        let chosen = kinds
+            .iter()
+            .filter(move |(_, modelled)| *modelled == wanted);
+        chosen.map(|(name, _)| *name).collect::<Vec<_>>()
+    };
+    let (modelled, absent) = (of(true), of(false));
+    match (modelled.is_empty(), absent.is_empty()) {
+        (true, _) => format!(
+            "random drift and noise are white (not modelled: {})",
+            listed(&absent)
+        ),
+        (false, true) => "all noise that wanders is in it".to_owned(),
+        (false, false) => format!(
+            "modelled: {}; not modelled: {}",
+            listed(&modelled),
+            listed(&absent)
+        ),
     }
 }

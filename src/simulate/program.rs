@@ -132,6 +132,7 @@ impl Program {
             );
         }
         let model = CovarianceModel::new(platform);
+        model.only_white("the simulation")?;
         let mut builder = ProgramBuilder {
             dynamics: ErrorDynamics::new(platform.earth_rate_n()),
             period_s: period,

@@ -35,14 +35,17 @@ fn trials(config: &StudyConfig) -> Vec<Trial> {
         all.push((what.to_owned(), change, changed));
     };
     let platform = &config.platform;
-    let noise = platform.accelerometer.noise_g;
-    push(
-        "accelerometer.noise_g",
-        Change::Halved(noise, 0.5 * noise),
-        &|c| {
-            c.platform.accelerometer.noise_g *= 0.5;
-        },
-    );
+    if let Some(density) = platform.accelerometer.noise_density_ug_per_sqrt_hz {
+        let change = Change::Halved(density, 0.5 * density);
+        push("accelerometer.noise_density_ug_per_sqrt_hz", change, &|c| {
+            c.platform.accelerometer.noise_density_ug_per_sqrt_hz = Some(0.5 * density);
+        });
+    } else if let Some(noise) = platform.accelerometer.noise_g {
+        let change = Change::Halved(noise, 0.5 * noise);
+        push("accelerometer.noise_g", change, &|c| {
+            c.platform.accelerometer.noise_g = Some(0.5 * noise);
+        });
+    }
     if let Some(walk) = platform.gyro.angle_random_walk_deg_per_sqrt_h {
         let change = Change::Halved(walk, 0.5 * walk);
         push("gyro.angle_random_walk_deg_per_sqrt_h", change, &|c| {
@@ -242,6 +245,7 @@ impl Study {
 
 /// The criterion, continuous in the dwells.
 fn criterion(evaluator: &Evaluator, timeline: &Timeline) -> Result<f64> {
+    evaluator.model().only_white("the fast route of searches")?;
     let criterion = &evaluator.objective().criterion;
     let log = evaluator.model().value(timeline, TickRule::Relaxed, |p| {
         criterion.log(p, Smoothing::Exact)
@@ -297,7 +301,7 @@ mod tests {
         let quieter = StudyConfig {
             platform: {
                 let mut platform = study.config().platform.clone();
-                platform.accelerometer.noise_g *= 0.5;
+                platform.accelerometer.noise_g = Some(0.5e-5);
                 platform
             },
             ..study.config().clone()

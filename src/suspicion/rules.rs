@@ -29,7 +29,7 @@
 
 use super::warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning};
 use crate::config::StudyConfig;
-use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
+use crate::platform::{AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 
 /// Largest angle that radians are taken for, a turn and its rounding.
@@ -234,14 +234,15 @@ impl Warnings {
     fn noises(&mut self, config: &StudyConfig) {
         let platform = &config.platform;
         let hours = platform.filter.period_s / 3600.0;
-        let noise_g = platform.accelerometer.noise_g;
-        self.noise(
-            "accelerometer.noise_g",
-            noise_g,
-            (NoiseSource::Accelerometer, noise_g * hours.sqrt()),
-            [STRATEGIC_BIAS_G, NAVIGATION_BIAS_G],
-            None,
-        );
+        if let Some(noise_g) = platform.accelerometer.noise_g {
+            self.noise(
+                "accelerometer.noise_g",
+                noise_g,
+                (NoiseSource::Accelerometer, noise_g * hours.sqrt()),
+                [STRATEGIC_BIAS_G, NAVIGATION_BIAS_G],
+                None,
+            );
+        }
         if let Some(drift) = platform.gyro.random_drift_deg_per_h {
             self.noise(
                 "gyro.random_drift_deg_per_h",
@@ -362,7 +363,7 @@ impl Warnings {
             same_instrument: per_period * (usual / period).sqrt(),
         };
         let accelerometer = is_default("accelerometer.noise_g")
-            .then(|| rescaled(AccelerometerConfig::default().noise_g, 1.0));
+            .then(|| rescaled(crate::platform::DEFAULT_NOISE_G, 1.0));
         let gyro = is_default("gyro.random_drift_deg_per_h")
             .then(|| rescaled(crate::platform::DEFAULT_RANDOM_DRIFT_DEG_PER_H, 3600.0));
         if accelerometer.is_some() || gyro.is_some() {

@@ -357,7 +357,8 @@ impl Draw {
             .get(self.0.random_range(0..7))
             .unwrap();
         c.platform.filter.period_s = period;
-        c.platform.accelerometer.noise_g = rounded(self.spread(1e-7, 1e-3) / period.sqrt());
+        let noise = rounded(self.spread(1e-7, 1e-3) / period.sqrt());
+        c.platform.accelerometer.noise_g = Some(noise);
         let walk = self.spread(1e-5, 1.0);
         let gyro = &mut c.platform.gyro;
         match self.0.random_range(0..2) {

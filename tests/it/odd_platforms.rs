@@ -121,7 +121,7 @@ impl Draw {
             _ => 28.2,
         };
         if self.chance(0.2) {
-            p.accelerometer.noise_g = self.size(1e-7, 1e-3);
+            p.accelerometer.noise_g = Some(self.size(1e-7, 1e-3));
         }
         if self.chance(0.2) {
             p.gyro.random_drift_deg_per_h = Some(self.one_of(&[0.0, 1e-4, 0.001, 0.1, 3.0]));
