@@ -8,6 +8,7 @@
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
 //!   and, where those are lost, in numbers of 32 digits;
+//! - `coloured`: both where drift or biases wander, with more states beside ψ^n;
 //! - [`gradient`]: its reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
 //! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
@@ -16,6 +17,7 @@
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
 pub mod chain;
+pub(crate) mod coloured;
 pub(crate) mod fast;
 pub mod filter;
 pub mod full;
