@@ -272,7 +272,7 @@ impl Criterion {
     /// weights[D::FX.index()] = 1.0;
     /// let mut prior_sigma = CoefficientVector::repeat(8.0);
     /// let one = Criterion::A { weights, others: Vec::new() };
-/// assert_eq!(one.known_before(&prior_sigma), None);
+    /// assert_eq!(one.known_before(&prior_sigma), None);
     /// prior_sigma[D::FX.index()] = 0.0;
     /// let words = one.known_before(&prior_sigma).unwrap().to_string();
     /// assert!(words.starts_with("criterion a is 0 before any test"), "{words}");
