@@ -30,8 +30,8 @@ const SCHEDULES: usize = 400;
 fn main() -> scheme_opt::Result<()> {
     let platform = PlatformConfig::default().check()?;
     let model = CovarianceModel::new(&platform);
-    let optimal = StandardScheme::Icosahedron12.schedule(TOTAL_S, &platform)?;
-    one_schedule(&model, &Timeline::new(&platform, &optimal)?)?;
+    let optimal = StandardScheme::Icosahedron12.schedule(TOTAL_S, &platform.clone().into())?;
+    one_schedule(&model, &Timeline::new(&platform.clone().into(), &optimal)?)?;
     agreement("attitudes at random", &model, &platform, |random| {
         (0..POSITIONS).map(|_| random_position(random)).collect()
     })?;
@@ -102,7 +102,10 @@ fn agreement(
     // values[measure][schedule][coefficient].
     let mut values = vec![Vec::with_capacity(SCHEDULES); Measure::ALL.len()];
     for _ in 0..SCHEDULES {
-        let timeline = Timeline::new(platform, &schedule(&positions(&mut random), &mut random)?)?;
+        let timeline = Timeline::new(
+            &platform.clone().into(),
+            &schedule(&positions(&mut random), &mut random)?,
+        )?;
         for (slot, measure) in values.iter_mut().zip(Measure::ALL) {
             slot.push(measure.of(model, &timeline)?);
         }
@@ -181,7 +184,7 @@ fn cost(
     platform: &Platform,
     schedule: &Schedule,
 ) -> scheme_opt::Result<()> {
-    let timeline = Timeline::new(platform, schedule)?;
+    let timeline = Timeline::new(&platform.clone().into(), schedule)?;
     let paper = time(|| Measure::Order.of(model, &timeline).map(|_| ()))?;
     println!("\ncost per schedule of {POSITIONS} positions, 1200 filter periods\n");
     let line = |name: &str, seconds: f64| {

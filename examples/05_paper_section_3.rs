@@ -122,7 +122,7 @@ fn simulate(
         ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 1000.0),
         ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),
     ])?;
-    let timeline = Timeline::new(platform, &schedule)?;
+    let timeline = Timeline::new(&platform.clone().into(), &schedule)?;
     let mut coefficients = CoefficientVector::repeat(5.0);
     for (constant, value) in [(D::FX, 11.0), (D::FY, 12.0), (D::FZ, 13.0)] {
         coefficients[constant.index()] = value;

@@ -529,9 +529,12 @@ fn fitted(
     total_time_s: f64,
     mut positions: Vec<ScheduledPosition>,
 ) -> Option<Timeline> {
-    let overhead = Timeline::new(platform, &Schedule::new(positions.clone()).ok()?)
-        .ok()?
-        .overhead_s();
+    let overhead = Timeline::new(
+        &platform.clone().into(),
+        &Schedule::new(positions.clone()).ok()?,
+    )
+    .ok()?
+    .overhead_s();
     let left = total_time_s - overhead;
     if left <= 0.0 {
         return None;
@@ -544,5 +547,5 @@ fn fitted(
             p.dwell_s = (p.dwell_s / platform.period_s()).floor() * platform.period_s();
         }
     }
-    Timeline::new(platform, &Schedule::new(positions).ok()?).ok()
+    Timeline::new(&platform.clone().into(), &Schedule::new(positions).ok()?).ok()
 }

@@ -209,7 +209,7 @@ impl Analysis {
         evaluation: &Evaluation,
     ) -> Result<Self> {
         let model = evaluator.model();
-        let timeline = Timeline::new(evaluator.platform(), schedule)?;
+        let timeline = Timeline::new(evaluator.test(), schedule)?;
         let observability = &evaluation.observability;
         let p = &evaluation.end.coefficients;
         let (singular_values, weak) = weak_combinations(model, &timeline);
@@ -281,7 +281,7 @@ fn more_time(
         ..*p
     });
     let doubled = Schedule::new(doubled.collect()).ok()?;
-    let timeline = Timeline::new(evaluator.platform(), &doubled).ok()?;
+    let timeline = Timeline::new(evaluator.test(), &doubled).ok()?;
     let end = evaluator.model().truth(&timeline).ok()?.end;
     // Of length one, as all combinations that a σ is told of.
     let length = trace.coefficients().norm();

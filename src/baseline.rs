@@ -63,9 +63,9 @@ fn accuracy(
     scheme: StandardScheme,
     total_time_s: f64,
 ) -> Result<BaselineAccuracy> {
-    let schedule = scheme.schedule(total_time_s, evaluator.platform())?;
+    let schedule = scheme.schedule(total_time_s, evaluator.test())?;
     check_dwells(evaluator, &schedule)?;
-    let timeline = Timeline::new(evaluator.platform(), &schedule)?;
+    let timeline = Timeline::new(evaluator.test(), &schedule)?;
     let (end, criterion) = evaluator.end_with_criterion(&timeline)?;
     let rms_sigma_deg_per_h = (end.coefficients.trace() / COEFFICIENTS as f64).sqrt();
     if rms_sigma_deg_per_h.is_finite() && criterion.is_finite() {
@@ -80,7 +80,7 @@ fn accuracy(
 
 /// A comparison is fair when both sides keep to the shortest dwell.
 pub(crate) fn check_dwells(evaluator: &Evaluator, schedule: &Schedule) -> Result<()> {
-    let least_s = evaluator.platform().motion().min_dwell_s;
+    let least_s = evaluator.test().platform().motion().min_dwell_s;
     let dwells = schedule.positions().iter().map(|p| p.dwell_s);
     let shortest_s = dwells.fold(f64::INFINITY, f64::min);
     // The dwells are a quotient, which may round to just below.
@@ -107,7 +107,7 @@ mod tests {
             let accuracy = baseline.accuracy.unwrap();
             let schedule = baseline
                 .scheme
-                .schedule(12_000.0, evaluator.platform())
+                .schedule(12_000.0, evaluator.test())
                 .unwrap();
             let evaluation = evaluator.evaluate(&schedule).unwrap();
             assert!((evaluation.total_time_s - 12_000.0).abs() < 1e-6);

@@ -98,19 +98,20 @@ impl Command {
 /// ```
 /// use scheme_opt::internals::attitude::Position;
 /// use scheme_opt::internals::commands::CommandTable;
-/// use scheme_opt::internals::motion::Timeline;
+/// use scheme_opt::internals::motion::{Test, Timeline};
 /// use scheme_opt::internals::platform::PlatformConfig;
 /// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 ///
 /// let mut config = PlatformConfig::default();
 /// config.motion.slew_rate_deg_per_s = Some(0.5);
-/// let platform = config.check()?;
+/// let test = Test::from(config.check()?);
+/// let platform = test.platform();
 /// let schedule = Schedule::new(vec![
 ///     ScheduledPosition::new(Position::from_deg(0.0, 0.0, 0.0), 600.0),
 ///     ScheduledPosition::new(Position::from_deg(60.0, 0.0, 0.0), 600.0),
 /// ])?;
-/// let timeline = Timeline::new(&platform, &schedule)?;
-/// let table = CommandTable::new(&platform, &timeline, CommandTable::DEFAULT_STEP_DEG)?;
+/// let timeline = Timeline::new(&test, &schedule)?;
+/// let table = CommandTable::new(platform, &timeline, CommandTable::DEFAULT_STEP_DEG)?;
 /// // A dwell, twelve steps of 5 degrees, a dwell.
 /// assert_eq!(table.commands().len(), 14);
 /// // Level and facing north, the platform follows the Earth about its own x and y axes.

@@ -130,7 +130,7 @@ pub fn compare(
         match &contender.source {
             Source::Given(schedule) => {
                 let schedule = match terms.scale {
-                    true => schedule.scaled_to(evaluator.platform(), terms.total_time_s),
+                    true => schedule.scaled_to(evaluator.test(), terms.total_time_s),
                     false => Ok(schedule.clone()),
                 };
                 all.push(as_given(schedule));
@@ -149,10 +149,10 @@ pub fn compare(
 
 /// The scheme in whole filter periods, no dwell shorter than the shortest.
 fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Result<Schedule> {
-    let platform = evaluator.platform();
-    let schedule = scheme.schedule(terms.total_time_s, platform)?;
+    let test = evaluator.test();
+    let schedule = scheme.schedule(terms.total_time_s, test)?;
     check_dwells(evaluator, &schedule)?;
-    schedule.scaled_to(platform, terms.total_time_s)
+    schedule.scaled_to(test, terms.total_time_s)
 }
 
 /// The scheme in the best order that is found, or what is wrong with it as it is `given`.
@@ -243,7 +243,7 @@ mod tests {
             Objective::default(),
         );
         let schedule = StandardScheme::Edges12
-            .schedule(3000.0, evaluator.platform())
+            .schedule(3000.0, evaluator.test())
             .unwrap();
         let contender = ComparisonEntry {
             name: "mine".to_owned(),

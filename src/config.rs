@@ -35,6 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drift::CoefficientVector;
 use crate::error::{Error, Result};
+use crate::motion::Test;
 use crate::platform::{Platform, PlatformConfig, in_range};
 use crate::schedule::Schedule;
 
@@ -100,7 +101,7 @@ impl StudyConfig {
     /// ```
     pub fn check(&self) -> Result<CheckedConfig> {
         let study = self.check_for_evaluation()?;
-        self.check_limits_fit(&study.platform)?;
+        self.check_limits_fit(study.test.platform())?;
         Ok(study)
     }
 
@@ -129,7 +130,7 @@ impl StudyConfig {
         config.resolve();
         Ok(CheckedConfig {
             config,
-            platform,
+            test: platform.into(),
             aims,
         })
     }
@@ -183,7 +184,7 @@ impl StudyConfig {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedConfig {
     config: StudyConfig,
-    platform: Platform,
+    test: Test,
     aims: Aims,
 }
 
@@ -192,18 +193,17 @@ impl CheckedConfig {
     pub fn config(&self) -> &StudyConfig {
         &self.config
     }
-    /// The platform, in SI.
-    pub fn platform(&self) -> &Platform {
-        &self.platform
+    /// The test, its platform in SI.
+    pub fn test(&self) -> &Test {
+        &self.test
     }
-    /// The same in the middle of a test, see
-    /// [`Platform::interrupted_after`].
+    /// The same in the middle of a test, see [`Test::interrupted_after`].
     ///
     /// # Errors
     ///
     /// As there.
     pub(crate) fn interrupted_after(mut self, done: Schedule) -> Result<Self> {
-        self.platform = self.platform.interrupted_after(done)?;
+        self.test = self.test.interrupted_after(done)?;
         Ok(self)
     }
     /// What is to be achieved.
@@ -246,7 +246,7 @@ mod tests {
         );
         assert_eq!(study.spec_deg_per_h(), None);
         assert_eq!(
-            study.platform(),
+            study.test().platform(),
             &PlatformConfig::default().check().unwrap()
         );
     }

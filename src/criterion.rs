@@ -271,9 +271,10 @@ impl Criterion {
     /// let mut weights = CoefficientVector::zeros();
     /// weights[D::FX.index()] = 1.0;
     /// let mut prior_sigma = CoefficientVector::repeat(8.0);
-    /// assert_eq!(Criterion::A { weights }.known_before(&prior_sigma), None);
+    /// let one = Criterion::A { weights, others: Vec::new() };
+    /// assert_eq!(one.known_before(&prior_sigma), None);
     /// prior_sigma[D::FX.index()] = 0.0;
-    /// let words = Criterion::A { weights }.known_before(&prior_sigma).unwrap().to_string();
+    /// let words = one.known_before(&prior_sigma).unwrap().to_string();
     /// assert!(words.starts_with("criterion a is 0 before any test"), "{words}");
     /// assert!(words.contains("D_FX"));
     /// ```

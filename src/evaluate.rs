@@ -40,11 +40,10 @@ use crate::covariance::{CovarianceModel, EndCovariance, Precision, TickRule};
 use crate::criterion::{Criterion, largest_principal_sigma};
 use crate::drift::{COEFFICIENTS, CoefficientVector};
 use crate::error::Result;
-use crate::motion::Timeline;
+use crate::motion::{Test, Timeline};
 use crate::observability::Observability;
 use crate::observability::named::{NamedObservability, PrincipalDrift, principal_drift};
 use crate::observability::parameters::of_parameters;
-use crate::platform::Platform;
 use crate::schedule::Schedule;
 pub(crate) use disagreement::MISALIGNMENT_NAMES;
 use disagreement::compare;
@@ -210,7 +209,7 @@ struct Judged {
     agreement: std::result::Result<f64, Disagreement>,
 }
 
-/// Scores schedules on one platform. Cheap to share between threads.
+/// Scores schedules of one test. Cheap to share between threads.
 ///
 /// ```
 /// use scheme_opt::internals::evaluate::{Evaluator, Objective};
@@ -231,7 +230,7 @@ struct Judged {
 /// ```
 #[derive(Debug)]
 pub struct Evaluator {
-    platform: Platform,
+    test: Test,
     objective: Objective,
     /// The criterion for estimates that know the twelve coefficients alone.
     estimate: Criterion,
@@ -241,13 +240,16 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
-    /// An evaluator of schedules on `platform` by `objective`.
-    pub fn new(platform: Platform, objective: Objective) -> Self {
-        let model = CovarianceModel::new(&platform).seeing(&objective.others);
+    /// An evaluator of schedules by `objective`: of a whole test on a platform, or of what is left
+    /// of one.
+    pub fn new(test: impl Into<Test>, objective: Objective) -> Self {
+        let test = test.into();
+        let platform = test.platform();
+        let model = CovarianceModel::new(platform).seeing(&objective.others);
         Self {
-            instrument: Instrument::of(&platform),
+            instrument: Instrument::of(platform),
             estimate: objective.criterion.estimate(),
-            platform,
+            test,
             objective,
             model,
         }
@@ -267,9 +269,9 @@ impl Evaluator {
         self
     }
 
-    /// The platform.
-    pub fn platform(&self) -> &Platform {
-        &self.platform
+    /// The test, and through it the platform.
+    pub fn test(&self) -> &Test {
+        &self.test
     }
 
     /// The objective.
@@ -290,7 +292,7 @@ impl Evaluator {
     /// [`Error::is_numerical`] when a number cannot be trusted, [`Error::is_disagreement`] when
     /// the two computations of a σ differ by more than [`AGREEMENT`].
     pub fn evaluate(&self, schedule: &Schedule) -> Result<Evaluation> {
-        let timeline = Timeline::new(&self.platform, schedule)?;
+        let timeline = Timeline::new(&self.test, schedule)?;
         let total_time_s = timeline.total_time_s();
         let Checked {
             full,
@@ -304,7 +306,7 @@ impl Evaluator {
         let of_each = of_parameters(&self.model, &timeline, &observability, &triangle);
         let parameters = known_parameters(self.model.errors.parameters(), &full, &of_each);
         let score = self.score(&timeline, &full, &observability)?;
-        let named = NamedObservability::of(&self.platform, &self.model, &timeline);
+        let named = NamedObservability::of(&self.test, &self.model, &timeline);
         let vertical = named.as_ref().map_or(&[][..], |named| &named.vertical);
         let principal_drift = principal_drift(&self.model.errors, &full.parameters, vertical);
         let FullCovariance { end, budget, .. } = full;
@@ -396,9 +398,10 @@ impl Evaluator {
     /// Compares `full` with what the filter comes to in numbers `T`.
     fn judge<T: Real>(&self, full: &FullCovariance, timeline: &Timeline) -> Result<Judged> {
         let mut recorder = HistoryRecorder::new(timeline, self.objective.spec_deg_per_h);
-        let filter = filter::run::<T>(&self.platform, &self.instrument, timeline, &mut |m| {
-            recorder.observe(m);
-        })?;
+        let filter =
+            filter::run::<T>(self.test.platform(), &self.instrument, timeline, &mut |m| {
+                recorder.observe(m);
+            })?;
         Ok(Judged {
             convergence: recorder.finish(),
             agreement: compare(

@@ -13,11 +13,12 @@
 //! (`motion.start_deg`): then the move from there, and its settle, belong to the test. With
 //! `motion.return_to_start` the test ends with the unmeasured move back. A timeline holds start
 //! and return as legs of their own, which are held for no time; and so, with its dwells, what was
-//! done before an interruption ([`Platform::interrupted_after`]).
+//! done before an interruption ([`Test::interrupted_after`]).
 
 mod equivalents;
 pub(crate) mod integral;
 mod scaled;
+mod test;
 mod way;
 
 pub use crate::schedule::periods::MAX_FILTER_PERIODS;
@@ -26,6 +27,7 @@ use std::ops::Range;
 
 pub(crate) use equivalents::slowest_turn_rad;
 pub use equivalents::{equivalent_positions, quickest_positions};
+pub use test::Test;
 use way::check_way;
 pub use way::gimbal_change;
 pub(crate) use way::way;
@@ -104,7 +106,7 @@ impl Leg {
     }
 }
 
-/// A schedule resolved against a platform: what happens when.
+/// A schedule resolved in a test on a platform: what happens when.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     legs: Vec<Leg>,
@@ -114,21 +116,22 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Resolves `schedule` on `platform`.
+    /// Resolves `schedule`, what is planned of `test`.
     ///
     /// # Errors
     ///
     /// [`Error::is_input`] when a position lies outside a gimbal's range or off the index table,
     /// a `change_deg` does not lead to its position or leaves a range, a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
     /// test is longer than the filter can be stepped through ([`MAX_FILTER_PERIODS`]).
-    pub fn new(platform: &Platform, schedule: &Schedule) -> Result<Self> {
-        let mut from = platform.standing();
+    pub fn new(test: &Test, schedule: &Schedule) -> Result<Self> {
+        let platform = test.platform();
+        let mut from = test.standing();
         for (index, p) in schedule.positions().iter().enumerate() {
             check_reachable(platform, index, p.position)?;
             check_way(platform, index, from, p)?;
             from = Some(p.position);
         }
-        let timeline = Self::unchecked(platform, schedule.positions().iter().copied());
+        let timeline = Self::unchecked(test, schedule.positions().iter().copied());
         for (index, p) in schedule.positions().iter().enumerate() {
             check_move(platform, index, p, &timeline.position_legs()[index])?;
         }
@@ -147,16 +150,17 @@ impl Timeline {
     /// Start, positions and return, unchecked: for searches, which only propose what is
     /// reachable.
     pub(crate) fn unchecked(
-        platform: &Platform,
+        test: &Test,
         positions: impl ExactSizeIterator<Item = ScheduledPosition>,
     ) -> Self {
+        let platform = test.platform();
         let motion = &platform.motion;
         let mut legs: Vec<Leg> = Vec::with_capacity(positions.len() + 2);
         if let Some(start) = motion.start {
             let held = ScheduledPosition::new(start, 0.0);
             legs.push(Self::leg(platform, None, &held));
         }
-        for p in platform.done.iter().flat_map(Schedule::positions) {
+        for p in test.done().iter().flat_map(|d| d.positions()) {
             let from = legs.last().map(|leg| leg.position);
             legs.push(Self::leg(platform, from, p));
         }
@@ -401,7 +405,9 @@ mod tests {
             let of =
                 |angle: f64| ScheduledPosition::new(Position::from_deg(angle, 20.0, -angle), 300.0);
             let all = [of(10.0), of(-80.0), of(150.0), of(60.0)];
-            let whole = |p: &[ScheduledPosition]| Timeline::unchecked(&platform, p.iter().copied());
+            let whole = |p: &[ScheduledPosition]| {
+                Timeline::unchecked(&platform.clone().into(), p.iter().copied())
+            };
             // One position alone, then more of them.
             for positions in (1..=all.len()).map(|n| &all[..n]) {
                 let before = whole(positions);
@@ -452,7 +458,7 @@ mod tests {
             c.motion.settle_s = 30.0;
         });
         let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0], [10.0, 80.0, 20.0]]);
-        let t = Timeline::new(&p, &s).unwrap();
+        let t = Timeline::new(&p.clone().into(), &s).unwrap();
         // 60° at 0.5 °/s is 120 s; the zero-time move to the same position settles too.
         assert!((t.total_time_s() - (300.0 + 120.0 + 60.0)).abs() < 1e-9);
         assert!((t.overhead_s() - 180.0).abs() < 1e-9);
@@ -461,7 +467,7 @@ mod tests {
             c.motion.settle_s = 30.0;
             c.motion.measure_moves = true;
         });
-        let t = Timeline::new(&measured, &s).unwrap();
+        let t = Timeline::new(&measured.into(), &s).unwrap();
         assert!((t.total_time_s() - (300.0 + 120.0)).abs() < 1e-9);
     }
 
@@ -475,7 +481,7 @@ mod tests {
                 c.motion.start_deg = start_deg;
                 c.motion.return_to_start = return_to_start;
             });
-            let t = Timeline::new(&p, &s).unwrap();
+            let t = Timeline::new(&p.clone().into(), &s).unwrap();
             assert_eq!(t.position_legs().len(), 2);
             assert_eq!(t.position_legs()[1].position, s.positions()[1].position);
             let dwells = 200.0;
@@ -501,7 +507,7 @@ mod tests {
             c.motion.return_to_start = true;
         });
         let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
-        let t = Timeline::new(&p, &s).unwrap();
+        let t = Timeline::new(&p.clone().into(), &s).unwrap();
         let measured = |leg: &Leg| leg.arrival.map(|m| m.measured);
         let all: Vec<Option<bool>> = t.legs().iter().map(measured).collect();
         assert_eq!(all, [None, Some(true), Some(false)]);
@@ -515,8 +521,8 @@ mod tests {
         });
         let done = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
         let rest = schedule(&[[10.0, 20.0, 20.0]]);
-        let p = p.interrupted_after(done).unwrap();
-        let t = Timeline::new(&p, &rest).unwrap();
+        let test = Test::from(p).interrupted_after(done).unwrap();
+        let t = Timeline::new(&test, &rest).unwrap();
         // Two dwells of 100 s, two moves of 60° with a settle each; then the one dwell left.
         assert!((t.overhead_s() - (200.0 + 2.0 * (120.0 + 30.0))).abs() < 1e-9);
         assert!((t.total_time_s() - t.overhead_s() - 100.0).abs() < 1e-9);
@@ -529,27 +535,28 @@ mod tests {
             c.motion.slew_rate_deg_per_s = Some(1.0);
         });
         let s = schedule(&[[0.0, 0.0, 0.0], [0.0, 61.0, 0.0]]);
-        let error = Timeline::new(&p, &s).unwrap_err();
+        let error = Timeline::new(&p.clone().into(), &s).unwrap_err();
         assert_eq!(error.key(), Some("positions[1].beta_deg"));
         assert!(error.allowed().unwrap().contains("-60 to 60"));
 
         let table = platform(|c| c.gimbals.step_deg = Some(15.0));
-        let error = Timeline::new(&table, &schedule(&[[0.0, 20.0, 0.0]])).unwrap_err();
+        let error =
+            Timeline::new(&table.clone().into(), &schedule(&[[0.0, 20.0, 0.0]])).unwrap_err();
         assert_eq!(error.key(), Some("positions[0].beta_deg"));
-        assert!(Timeline::new(&table, &schedule(&[[0.0, -165.0, 345.0]])).is_ok());
+        assert!(Timeline::new(&table.clone().into(), &schedule(&[[0.0, -165.0, 345.0]])).is_ok());
 
         let mut positions = schedule(&[[0.0; 3], [30.0, 0.0, 0.0]]).positions().to_vec();
         positions[1].move_s = Some(29.0);
         let fast = Schedule::new(positions.clone()).unwrap();
-        let error = Timeline::new(&p, &fast).unwrap_err();
+        let error = Timeline::new(&p.clone().into(), &fast).unwrap_err();
         assert_eq!(error.key(), Some("positions[1].move_s"));
         // 30° at 1 °/s, and a little slower.
         for enough in [30.0, 30.001] {
             positions[1].move_s = Some(enough);
             let schedule = Schedule::new(positions.clone()).unwrap();
-            assert!(Timeline::new(&p, &schedule).is_ok());
+            assert!(Timeline::new(&p.clone().into(), &schedule).is_ok());
         }
         let hold = platform(|c| c.motion.repositioning = Repositioning::FrameHold);
-        assert!(Timeline::new(&hold, &fast).unwrap_err().is_input());
+        assert!(Timeline::new(&hold.into(), &fast).unwrap_err().is_input());
     }
 }

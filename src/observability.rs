@@ -175,15 +175,15 @@ impl Observability {
     /// ```
     /// use scheme_opt::internals::covariance::CovarianceModel;
     /// use scheme_opt::internals::drift::DriftCoefficient as D;
-    /// use scheme_opt::internals::motion::Timeline;
+    /// use scheme_opt::internals::motion::{Test, Timeline};
     /// use scheme_opt::internals::observability::{Combination, Observability, Order};
     /// use scheme_opt::internals::platform::PlatformConfig;
     /// use scheme_opt::internals::schedule::standard::StandardScheme;
-    /// let platform = PlatformConfig::default().check()?;
+    /// let test = Test::from(PlatformConfig::default().check()?);
     /// let order_at = |scheme: StandardScheme| {
-    ///     let schedule = scheme.schedule(12_000.0, &platform)?;
-    ///     let timeline = Timeline::new(&platform, &schedule)?;
-    ///     let o = Observability::analyze(&CovarianceModel::new(&platform), &timeline)?;
+    ///     let schedule = scheme.schedule(12_000.0, &test)?;
+    ///     let timeline = Timeline::new(&test, &schedule)?;
+    ///     let o = Observability::analyze(&CovarianceModel::new(test.platform()), &timeline)?;
     ///     Ok::<_, scheme_opt::Error>(o.order_of(&Combination::of(&[(D::IX, 1.0), (D::IY, -1.0)])))
     /// };
     /// assert_eq!(order_at(StandardScheme::Axis24)?, Some(Order::Second));
@@ -213,7 +213,7 @@ mod tests {
         let platform = config.check().unwrap();
         let held = positions.iter().map(|p| ScheduledPosition::new(*p, 1000.0));
         let schedule = Schedule::new(held.collect()).unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         Observability::analyze(&CovarianceModel::new(&platform), &timeline).unwrap()
     }
 
@@ -283,7 +283,7 @@ mod tests {
             let held = positions.iter().map(|p| ScheduledPosition::new(*p, 1000.0));
             let platform = PlatformConfig::default().check().unwrap();
             let schedule = Schedule::new(held.collect()).unwrap();
-            let timeline = Timeline::new(&platform, &schedule).unwrap();
+            let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
             let rows = Regressor::new(&model, &timeline).geometry(&[Channel::X]);
             RowSpace::of(&rows).rank()
         };

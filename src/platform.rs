@@ -11,14 +11,12 @@ use crate::attitude::{Position, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::model::{Colour, ErrorModel};
-use crate::schedule::Schedule;
 use crate::units::{Angle, AngularRate};
 
 mod axis_value;
 mod colour;
 mod errors;
 mod gimbals;
-mod interruption;
 pub use axis_value::{AxisValue, GSensitivePrior};
 pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
@@ -274,8 +272,6 @@ pub struct Platform {
     pub(crate) azimuth_noise_rad: Option<f64>,
     pub(crate) gimbals: Gimbals,
     pub(crate) motion: Motion,
-    /// What of the test is over already.
-    pub(crate) done: Option<Schedule>,
 }
 
 impl Platform {
@@ -402,7 +398,6 @@ impl PlatformConfig {
             azimuth_noise_rad: self.azimuth.check()?,
             motion: self.motion.check(&gimbals)?,
             gimbals,
-            done: None,
         })
     }
 }

@@ -100,7 +100,7 @@ pub fn search(
     };
     let best = best_candidate(context, &[])?;
     control.report(Phase::Checking, 1, 1, Some(best.criterion));
-    let mut schedule = best.plan.to_schedule(evaluator.platform())?;
+    let mut schedule = best.plan.to_schedule(evaluator.test())?;
     if problem.allow_tumbling
         && !context.must_stop()
         && let Some((criterion, turning)) = tumbling::tumble(context, &best.plan)
@@ -141,7 +141,7 @@ pub(crate) fn polished(
     plan.ways = ways
         .map(|way| way.map(|deg| deg.map(f64::to_radians)))
         .collect();
-    let plan = plan.fitted(evaluator.platform(), total_time_s)?;
+    let plan = plan.fitted(evaluator.test(), total_time_s)?;
     let smoothing = context.first_smoothing();
     Some(refine::refine(context, &plan, smoothing, ITERATIONS)?.plan)
 }
@@ -162,8 +162,8 @@ pub(crate) fn nothing_to_find(
     if objective.is_led_by_separability() {
         return Ok(None);
     }
-    fit::LeastTime::of(evaluator.platform()).check(problem.total_time_s)?;
-    let schedule = still::stillest(evaluator.platform())?;
+    fit::LeastTime::of(evaluator.test()).check(problem.total_time_s)?;
+    let schedule = still::stillest(evaluator.test())?;
     let mut outcome = conclude(evaluator, control, work, schedule)?;
     if outcome.status == Status::Converged {
         outcome.reason = Reason::NoTestNeeded(why);
@@ -180,7 +180,7 @@ pub(crate) fn what_depends_on_the_schedule(evaluator: &Evaluator) -> Option<Eval
             covariance_weight: 0.0,
             ..evaluator.objective().clone()
         };
-        Evaluator::new(evaluator.platform().clone(), objective)
+        Evaluator::new(evaluator.test().clone(), objective)
     })
 }
 
@@ -207,16 +207,14 @@ pub(crate) fn conclude(
 
 /// What this search cannot plan is refused, not quietly left out.
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
-    let empty = index_table::IndexTable::new(evaluator.platform()).is_some_and(|t| t.is_empty());
+    let platform = evaluator.test().platform();
+    let empty = index_table::IndexTable::new(platform).is_some_and(|t| t.is_empty());
     if empty {
         return Err(still::no_setting());
     }
-    let motion = evaluator.platform().motion();
+    let motion = platform.motion();
     if problem.allow_tumbling {
-        let why = match (
-            evaluator.platform().gimbals().step_rad,
-            motion.repositioning,
-        ) {
+        let why = match (platform.gimbals().step_rad, motion.repositioning) {
             (Some(_), _) => Some("an index table (gimbals.step_deg) does not turn continuously"),
             (_, Repositioning::FrameHold) => Some("in frame-hold repositioning moves take no time"),
             _ => None,
@@ -236,7 +234,7 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
             "greater than 0",
         ));
     }
-    let periods = problem.total_time_s / evaluator.platform().period_s;
+    let periods = problem.total_time_s / platform.period_s;
     if periods > MAX_FILTER_PERIODS {
         return Err(Error::input("the test has too many filter periods")
             .with_key("objective.total_time_s")

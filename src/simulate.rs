@@ -124,16 +124,16 @@ use truth::{Start, TrueNoise, TruthRecord};
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
 /// ```
-/// use scheme_opt::internals::motion::Timeline;
+/// use scheme_opt::internals::motion::{Test, Timeline};
 /// use scheme_opt::internals::platform::PlatformConfig;
 /// use scheme_opt::internals::schedule::standard::StandardScheme;
 /// use scheme_opt::internals::simulate::consistency::Verdict;
 /// use scheme_opt::internals::simulate::{Simulation, SimulationOptions};
 ///
-/// let platform = PlatformConfig::default().check()?;
-/// let schedule = StandardScheme::from_name("icosahedron-12")?.schedule(6000.0, &platform)?;
-/// let timeline = Timeline::new(&platform, &schedule)?;
-/// let simulation = Simulation::new(&platform, &timeline, SimulationOptions::default())?;
+/// let test = Test::from(PlatformConfig::default().check()?);
+/// let schedule = StandardScheme::from_name("icosahedron-12")?.schedule(6000.0, &test)?;
+/// let timeline = Timeline::new(&test, &schedule)?;
+/// let simulation = Simulation::new(test.platform(), &timeline, SimulationOptions::default())?;
 /// let found = simulation.monte_carlo(20, 1)?;
 /// assert_eq!(found.nees.map(|n| n.verdict), Some(Verdict::Consistent));
 /// # Ok::<(), scheme_opt::Error>(())

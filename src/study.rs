@@ -203,7 +203,7 @@ impl Study {
         let objective = self.evaluator.objective();
         let total_time_s = self.config().objective.total_time_s;
         let (bound, minimum) = self.on_threads(|| {
-            let certifier = Certifier::new(self.checked.platform());
+            let certifier = Certifier::new(self.checked.test().platform());
             let bound = certifier.bound(&objective.criterion, total_time_s)?;
             let spec = objective.spec_deg_per_h.as_ref();
             let minimum = spec.map(|spec| certifier.minimum_time(spec, total_time_s));
@@ -221,8 +221,9 @@ impl Study {
     ///
     /// [`Error::is_input`] when the platform cannot run the schedule, or for such a step.
     pub fn commands(&self, schedule: &Schedule, step_deg: f64) -> Result<CommandTable> {
-        let timeline = Timeline::new(self.checked.platform(), schedule)?;
-        CommandTable::new(self.checked.platform(), &timeline, step_deg)
+        let test = self.checked.test();
+        let timeline = Timeline::new(test, schedule)?;
+        CommandTable::new(test.platform(), &timeline, step_deg)
     }
 
     /// The inputs as documents carry them.
@@ -233,10 +234,10 @@ impl Study {
         }
     }
 
-    /// The platform, in SI: for the tables of the command line.
+    /// The test, its platform in SI: for the tables of the command line.
     #[cfg(feature = "cli")]
-    pub(crate) fn platform(&self) -> &crate::platform::Platform {
-        self.checked.platform()
+    pub(crate) fn test(&self) -> &crate::motion::Test {
+        self.checked.test()
     }
 
     /// Refuses limits of a search that contradict each other; a schedule that is given can be

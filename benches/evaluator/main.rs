@@ -48,7 +48,7 @@ const BATCH: usize = 64;
 
 impl Case {
     fn timeline(&self, index: usize) -> Timeline {
-        Timeline::new(&self.platform(), &self.schedule(index)).unwrap()
+        Timeline::new(&self.platform().into(), &self.schedule(index)).unwrap()
     }
 
     fn model(&self) -> CovarianceModel {

@@ -88,7 +88,7 @@ impl<'a> BlackBox<'a> {
     fn new(evaluator: &'a Evaluator, total_time_s: f64, time_s: f64) -> Self {
         Self {
             evaluator,
-            variables: Variables::angles_and_dwells(evaluator.platform(), total_time_s),
+            variables: Variables::angles_and_dwells(evaluator.test(), total_time_s),
             deadline: Instant::now() + Duration::from_secs_f64(time_s),
             best: RefCell::new((f64::INFINITY, Vec::new())),
             evaluations: Cell::new(0),
@@ -114,10 +114,10 @@ impl<'a> BlackBox<'a> {
 
     /// How many times the total time the moves of a point take that is no plan.
     fn excess(&self, x: &[f64]) -> f64 {
-        let platform = self.evaluator.platform();
+        let test = self.evaluator.test();
         let total_time_s = self.variables.total_time_s();
-        let plan = Variables::angles_and_dwells(platform, 1e3 * total_time_s).decode(x);
-        plan.map_or(1e3, |plan| plan.overhead_s(platform) / total_time_s)
+        let plan = Variables::angles_and_dwells(test, 1e3 * total_time_s).decode(x);
+        plan.map_or(1e3, |plan| plan.overhead_s(test) / total_time_s)
     }
 
     /// ln of the criterion, by the fast evaluation that the search uses too.
@@ -135,14 +135,11 @@ impl<'a> BlackBox<'a> {
     /// The best point as a schedule that a stand can run, like the search's own: in whole filter
     /// periods, by the filter's tick rule.
     fn in_whole_periods(&self) -> Option<f64> {
-        let platform = self.evaluator.platform();
+        let test = self.evaluator.test();
         let plan = self.plan(&self.best.borrow().1)?;
         let total_time_s = self.variables.total_time_s();
-        let schedule = plan
-            .to_schedule(platform)
-            .ok()?
-            .scaled_to(platform, total_time_s);
-        let timeline = Timeline::new(platform, &schedule.ok()?).ok()?;
+        let schedule = plan.to_schedule(test).ok()?.scaled_to(test, total_time_s);
+        let timeline = Timeline::new(test, &schedule.ok()?).ok()?;
         let model = self.evaluator.model();
         let end = model.end_covariance(&timeline, TickRule::Filter).ok()?;
         let criterion = &self.evaluator.objective().criterion;
@@ -151,20 +148,20 @@ impl<'a> BlackBox<'a> {
 
     /// The plan of a point, on the index table if there is one.
     fn plan(&self, x: &[f64]) -> Option<Plan> {
-        let platform = self.evaluator.platform();
+        let test = self.evaluator.test();
         let mut plan = self.variables.decode(x)?;
-        if let Some(step) = platform.gimbals().step_rad {
+        if let Some(step) = test.platform().gimbals().step_rad {
             for angle in plan.angles.iter_mut().flatten() {
                 *angle = step * (*angle / step).round();
             }
             let total_time_s = self.variables.total_time_s();
-            plan = plan.fitted(platform, total_time_s)?;
+            plan = plan.fitted(test, total_time_s)?;
         }
         Some(plan)
     }
 
     fn criterion(&self, x: &[f64]) -> Option<f64> {
-        let timeline = self.plan(x)?.timeline(self.evaluator.platform());
+        let timeline = self.plan(x)?.timeline(self.evaluator.test());
         let model = self.evaluator.model();
         let end = model
             .end_covariance_by_gram(&timeline, TickRule::Relaxed)

@@ -121,10 +121,10 @@ fn times_table(problems: &[Problem]) {
             spec_deg_per_h: Some(CoefficientVector::repeat(deg_per_h)),
             ..plain.objective().clone()
         };
-        let evaluator = Evaluator::new(plain.platform().clone(), of(0.001));
+        let evaluator = Evaluator::new(plain.test().clone(), of(0.001));
         let accurate = search(&evaluator, &search_problem, &control).unwrap();
         let ratio = accurate.evaluation.score.criterion;
-        let evaluator = Evaluator::new(plain.platform().clone(), of(0.001 * ratio));
+        let evaluator = Evaluator::new(plain.test().clone(), of(0.001 * ratio));
         let longer = SearchProblem {
             total_time_s: 1.25 * search_problem.total_time_s,
             seed: 2,

@@ -328,7 +328,7 @@ impl<'a> Search<'a> {
             },
         };
         Self {
-            dwell_s: new_dwell_s(evaluator.platform(), schedule),
+            dwell_s: new_dwell_s(evaluator.test().platform(), schedule),
             evaluator,
             schedule,
             evaluation,
@@ -343,7 +343,7 @@ impl<'a> Search<'a> {
 
     fn with(&self, added: &[ScheduledPosition]) -> Result<Timeline> {
         let all = self.schedule.positions().iter().chain(added).copied();
-        Timeline::new(self.evaluator.platform(), &Schedule::new(all.collect())?)
+        Timeline::new(self.evaluator.test(), &Schedule::new(all.collect())?)
     }
 
     /// What a truth is rated by: a logarithm.
@@ -364,7 +364,7 @@ impl<'a> Search<'a> {
 
     /// The best position and how many were tried.
     fn best_position(&self) -> (Option<Found>, usize) {
-        let platform = self.evaluator.platform();
+        let platform = self.evaluator.test().platform();
         let axes: [GimbalAxis; 3] = std::array::from_fn(|i| GimbalAxis::new(platform, i));
         let position = |at: [i64; 3]| {
             let deg: [f64; 3] = std::array::from_fn(|i| round_deg(axes[i].tidy(at[i])));
@@ -427,7 +427,7 @@ impl<'a> Search<'a> {
     /// A position, or in the same time that and one of `second`, where it is better: a turn has two
     /// attitudes as well.
     fn better_of_two(&self, first: Found, second: &[ScheduledPosition]) -> Found {
-        let period = self.evaluator.platform().period_s();
+        let period = self.evaluator.test().platform().period_s();
         let dwell_s = (0.5 * self.dwell_s / period).round().max(3.0) * period;
         let both = |p: &ScheduledPosition| {
             [first.positions[0], *p].map(|p| ScheduledPosition { dwell_s, ..p })
@@ -453,7 +453,7 @@ impl<'a> Search<'a> {
 
     /// The best turn and how many were tried.
     fn best_turn(&self) -> (Option<Found>, usize) {
-        let platform = self.evaluator.platform();
+        let platform = self.evaluator.test().platform();
         if platform.motion().repositioning == Repositioning::FrameHold {
             return (None, 0);
         }
@@ -496,7 +496,7 @@ impl<'a> Search<'a> {
         axis: usize,
         degrees: f64,
     ) -> (Vec<ScheduledPosition>, Turn) {
-        let platform = self.evaluator.platform();
+        let platform = self.evaluator.test().platform();
         let from = start.unwrap_or(last);
         let slew = platform.motion().slew_rate_rad_per_s;
         let rate_deg_per_s = slew.map_or(RATE_DEG_PER_S, |rate| {
@@ -539,7 +539,7 @@ impl<'a> Search<'a> {
         let total_time_s = timeline.total_time_s();
         let dwells_s = total_time_s - self.evaluation.overhead_s;
         let longer = stretched(self.schedule, dwells_s).ok()?;
-        let longer = Timeline::new(self.evaluator.platform(), &longer).ok()?;
+        let longer = Timeline::new(self.evaluator.test(), &longer).ok()?;
         let same_time = self.model().truth(&longer).ok()?;
         let [sigma_after, sigma_same] = [&after, &same_time].map(FullCovariance::sigma);
         let mut helps: Vec<(f64, Helped)> = self

@@ -122,8 +122,8 @@ impl Suggestion {
         schedule: &Schedule,
         evaluation: &Evaluation,
     ) -> std::result::Result<Self, NoSuggestion> {
-        let platform = evaluator.platform();
-        let timeline = Timeline::new(platform, schedule).map_err(NoSuggestion::because)?;
+        let platform = evaluator.test().platform();
+        let timeline = Timeline::new(evaluator.test(), schedule).map_err(NoSuggestion::because)?;
         let dwell_s = new_dwell_s(platform, schedule);
         let prospect = Prospect::new(evaluator, &timeline, evaluation, dwell_s)
             .map_err(NoSuggestion::because)?;

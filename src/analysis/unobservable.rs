@@ -61,7 +61,7 @@ impl Unobservable {
     /// let mut config = PlatformConfig::default();
     /// config.site.latitude_deg = 90.0;
     /// let evaluator = Evaluator::new(config.check()?, Objective::default());
-    /// let schedule = StandardScheme::Icosahedron12.schedule(12_000.0, evaluator.platform())?;
+    /// let schedule = StandardScheme::Icosahedron12.schedule(12_000.0, evaluator.test())?;
     /// let evaluation = evaluator.evaluate(&schedule)?;
     /// let found = Unobservable::of(&evaluator, &schedule, &evaluation)?;
     /// assert_eq!(found.on_this_stand, [D::IX, D::IY, D::IZ]);
@@ -74,8 +74,8 @@ impl Unobservable {
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a singular value decomposition does
     /// not converge; as [`Timeline::new`].
     pub fn of(evaluator: &Evaluator, schedule: &Schedule, evaluation: &Evaluation) -> Result<Self> {
-        let (platform, model) = (evaluator.platform(), evaluator.model());
-        let timeline = Timeline::new(platform, schedule)?;
+        let (platform, model) = (evaluator.test().platform(), evaluator.model());
+        let timeline = Timeline::new(evaluator.test(), schedule)?;
         let regressor = Regressor::new(model, &timeline);
         let known = known(platform);
         let space = |rows: Vec<[f64; UNKNOWNS]>| {
@@ -266,7 +266,7 @@ mod tests {
 
     /// Positions within the ranges, well spread.
     fn of_schedule(evaluator: &Evaluator, count: usize) -> Unobservable {
-        let ranges = evaluator.platform().gimbals().ranges;
+        let ranges = evaluator.test().platform().gimbals().ranges;
         let at = |k: usize| {
             let k = k as f64;
             let spread = [0.3 + 2.1 * k, 1.1 * k * k - 0.7, 1.7 * k * k * k - 0.4];
@@ -349,7 +349,7 @@ mod tests {
                 },
                 Objective::default(),
             );
-            let (platform, model) = (stand.platform(), stand.model());
+            let (platform, model) = (stand.test().platform(), stand.model());
             let space = RowSpace::of(&rows_of_stand(platform, model));
             let mut rows = Vec::new();
             for k in 0..400 {

@@ -427,7 +427,9 @@ fn the_information_of_a_schedule_is_majorised_as_a_matrix() {
                 .iter()
                 .map(|d| ScheduledPosition::new(numbers.position(), *d))
                 .collect();
-            let timeline = Timeline::new(&platform, &Schedule::new(positions).unwrap()).unwrap();
+            let timeline =
+                Timeline::new(&platform.clone().into(), &Schedule::new(positions).unwrap())
+                    .unwrap();
             let end = model.full_covariance(&timeline).unwrap().end;
             let p = DMatrix::from_fn(12, 12, |i, j| end.coefficients[(i, j)]);
             // The block of P off the trace is S⁻¹.

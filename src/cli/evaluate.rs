@@ -20,7 +20,7 @@ pub(super) fn run(args: &EvaluateArgs, output: Output) -> Result<Exit> {
     let text = if args.common.json {
         document.to_json()?
     } else {
-        report::evaluation(document, study.platform(), &timeline)
+        report::evaluation(document, study.test().platform(), &timeline)
     };
     page::write(args.report.as_deref(), output, || evaluated.report_html())?;
     output.data(&text)?;

@@ -122,7 +122,7 @@ pub(super) fn given_schedule(given: &Given, common: &Common) -> Result<GivenSche
 
 /// The schedule of a file, resolved on the study's platform.
 pub(super) fn on_platform(path: &Path, study: &Study) -> Result<(Schedule, Timeline)> {
-    file::read_and(path, &|schedule| Timeline::new(study.platform(), schedule))
+    file::read_and(path, &|schedule| Timeline::new(study.test(), schedule))
 }
 
 /// Says what is hard to believe of a schedule that was read from `file`.

@@ -104,11 +104,11 @@ fn show(
         }
         return output.data(&found.document().to_json()?);
     }
-    let timeline = Timeline::new(study.platform(), found.schedule())?;
+    let timeline = Timeline::new(study.test(), found.schedule())?;
     let document = found.document();
     output.data(&report::search(
         document,
-        study.platform(),
+        study.test().platform(),
         &timeline,
         &written,
     ))

@@ -76,7 +76,7 @@ pub(super) fn best_order(
             separability_weight: 0.0,
             ..evaluator.objective().clone()
         };
-        Evaluator::new(evaluator.platform().clone(), objective)
+        Evaluator::new(evaluator.test().clone(), objective)
     });
     let evaluator = by_accuracy.as_ref().unwrap_or(evaluator);
     let orders = |quickest: bool| Orders {
@@ -100,9 +100,9 @@ pub(super) fn best_order(
             (gone.best, proof, gone.steps)
         }
     };
-    let motion = evaluator.platform().motion();
-    let ways_count =
-        motion.slew_rate_rad_per_s.is_some() || evaluator.platform().errors().feels_rates();
+    let platform = evaluator.test().platform();
+    let motion = platform.motion();
+    let ways_count = motion.slew_rate_rad_per_s.is_some() || platform.errors().feels_rates();
     let triples_matter = ways_count && motion.repositioning == Repositioning::Slew;
     let by_others = orders(true);
     let other = match triples_matter {
@@ -334,7 +334,7 @@ mod tests {
 
     fn two_axis(evaluator: &Evaluator) -> Vec<Position> {
         let scheme = StandardScheme::TwoAxis9;
-        let given = scheme.schedule(12_000.0, evaluator.platform()).unwrap();
+        let given = scheme.schedule(12_000.0, evaluator.test()).unwrap();
         given.positions().iter().map(|p| p.position).collect()
     }
 

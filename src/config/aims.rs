@@ -174,7 +174,7 @@ mod tests {
         let names: Vec<&str> = aims
             .others
             .iter()
-            .map(|at| checked.platform().errors().parameters()[*at].name)
+            .map(|at| checked.test().platform().errors().parameters()[*at].name)
             .collect();
         assert_eq!(names, ["T_XY", "T_ZY"]);
         assert_eq!(aims.weights_of_others, [0.0, 0.5]);

@@ -108,7 +108,7 @@ impl Grade {
     /// use scheme_opt::internals::config::{Grade, StudySource};
     /// let text = Grade::Navigation.platform_file(true);
     /// let study = StudySource::parse(&text, None)?.check()?;
-    /// assert!(study.platform().errors().parameters().len() > 12);
+    /// assert!(study.test().platform().errors().parameters().len() > 12);
     /// # Ok::<(), scheme_opt::Error>(())
     /// ```
     pub fn platform_file(self, full: bool) -> String {

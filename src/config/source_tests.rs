@@ -448,7 +448,7 @@ fn errors_are_read_with_their_lines() {
     assert_eq!(error.key(), Some("errors.considered.parameter.K_1X"));
     let considered = &mut source.config.platform.errors.considered;
     considered.parameter.insert("K_1X".to_owned(), 2.0);
-    let platform = source.check().unwrap().platform().clone();
+    let platform = source.check().unwrap().test().platform().clone();
     assert_eq!(
         platform.errors().parameters().len(),
         12 + 3 + 1 + 1 + 15 + 1

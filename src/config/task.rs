@@ -32,12 +32,12 @@ impl CheckedConfig {
     /// let study = StudyConfig::default().check()?;
     /// let evaluator = study.evaluator();
     /// let scheme = StandardScheme::from_name("icosahedron-12")?;
-    /// let schedule = scheme.schedule(study.objective().total_time_s, study.platform())?;
+    /// let schedule = scheme.schedule(study.objective().total_time_s, study.test())?;
     /// assert!(evaluator.evaluate(&schedule)?.rms_sigma_deg_per_h() < 0.01);
     /// # Ok::<(), scheme_opt::Error>(())
     /// ```
     pub fn evaluator(&self) -> Evaluator {
-        Evaluator::new(self.platform().clone(), self.evaluation_objective())
+        Evaluator::new(self.test().clone(), self.evaluation_objective())
     }
 
     /// The search's problem.

@@ -227,7 +227,7 @@ mod tests {
             (0.0, 0.0, -90.0, 415.0),
         ];
         let held = at.map(|(a, b, g, s)| ScheduledPosition::new(Position::from_deg(a, b, g), s));
-        Timeline::unchecked(platform, held.into_iter())
+        Timeline::unchecked(&platform.clone().into(), held.into_iter())
     }
 
     fn platforms() -> [Platform; 5] {

@@ -253,7 +253,10 @@ mod tests {
             .map(|(a, dwell_s)| {
                 ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), dwell_s)
             });
-            let timeline = Timeline::new(&platform, &Schedule::new(positions.into()).unwrap());
+            let timeline = Timeline::new(
+                &platform.clone().into(),
+                &Schedule::new(positions.into()).unwrap(),
+            );
             let timeline = timeline.unwrap();
             let model = CovarianceModel::new(&platform);
             let doubles = model.end_covariance(&timeline, TickRule::Filter).unwrap();

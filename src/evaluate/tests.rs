@@ -3,6 +3,7 @@ use crate::attitude::Position;
 use crate::criterion::Smoothing;
 use crate::drift::DriftCoefficient;
 use crate::error::Error;
+use crate::motion::Test;
 use crate::observability::Order;
 use crate::platform::{AxisValue, GSensitivePrior, OutputAxis, PlatformConfig};
 use crate::schedule::ScheduledPosition;
@@ -181,7 +182,7 @@ fn an_interrupted_test_of_a_full_platform_is_the_whole() {
     let part = |positions: &[ScheduledPosition]| Schedule::new(positions.to_vec()).unwrap();
     let whole = Evaluator::new(platform.clone(), Objective::default());
     let whole = whole.evaluate(&all).unwrap();
-    let interrupted = platform.interrupted_after(part(done)).unwrap();
+    let interrupted = Test::from(platform).interrupted_after(part(done)).unwrap();
     let found = Evaluator::new(interrupted, Objective::default());
     let found = found.evaluate(&part(rest)).unwrap();
     assert_eq!(found.end, whole.end);
@@ -207,7 +208,7 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
     // The paper's mounting, and the turns of the gimbals in another order.
     let wrong = Instrument {
         turns: [2, 1, 0],
-        ..Instrument::of(evaluator().platform())
+        ..Instrument::of(evaluator().test().platform())
     };
     for wrong in [Instrument::PAPER, wrong] {
         let found = evaluator().judged_on(wrong).evaluate(&schedule());
@@ -230,7 +231,7 @@ fn early_convergence_has_a_value_and_a_gradient() {
         Evaluator::new(platform.clone(), objective)
     };
     let (plain, early) = (with(0.0), with(0.5));
-    let timeline = Timeline::new(&platform, &schedule()).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule()).unwrap();
     let logs: Vec<(f64, f64)> = (1..=timeline.legs().len())
         .map(|end| {
             let prefix = timeline.only(0..end);
@@ -253,7 +254,7 @@ fn early_convergence_has_a_value_and_a_gradient() {
 
     let smoothing = Smoothing::Exact;
     let merit = |positions: &[ScheduledPosition]| {
-        let timeline = Timeline::unchecked(&platform, positions.iter().copied());
+        let timeline = Timeline::unchecked(&platform.clone().into(), positions.iter().copied());
         early.merit(&timeline, smoothing).unwrap()
     };
     // Moves whose time is given, so that it does not follow from the angles.
@@ -264,7 +265,7 @@ fn early_convergence_has_a_value_and_a_gradient() {
             ..*p
         })
         .collect();
-    let timeline = Timeline::unchecked(&platform, positions.iter().copied());
+    let timeline = Timeline::unchecked(&platform.clone().into(), positions.iter().copied());
     let (value, gradient) = early.merit_gradient(&timeline, smoothing).unwrap();
     assert!((value - merit(&positions)).abs() < 1e-10);
     let slope = |h: f64, change: &dyn Fn(&mut [ScheduledPosition], f64)| {

@@ -4,7 +4,7 @@
 //! difference, and at β = ±90° only α ∓ γ counts. Which of them the gimbals take decides how far
 //! they have to turn from one position to the next.
 
-use super::way;
+use super::{Test, way};
 use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::platform::Platform;
 use crate::units::RAD_PER_DEG;
@@ -86,11 +86,12 @@ fn settings(platform: &Platform, axis: usize, angle: Degrees) -> Vec<f64> {
 }
 
 /// The same attitudes in the same order by the triples that take the gimbals least time, start
-/// and return of the platform included; the first of equally quick ones, and where moves take no
+/// and return of the test included; the first of equally quick ones, and where moves take no
 /// time the first that can be reached. Positions that the platform cannot take stay as they are.
 ///
 /// Dynamic programming over the triples of each position.
-pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Position> {
+pub fn quickest_positions(test: &Test, positions: &[Position]) -> Vec<Position> {
+    let platform = test.platform();
     if platform.motion().slew_rate_rad_per_s.is_none() {
         let first = |p: &Position| {
             let reachable = equivalent_positions(platform, *p).into_iter().next();
@@ -108,7 +109,7 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
             if all.is_empty() { vec![*p] } else { all }
         })
         .collect();
-    let start = platform.standing();
+    let start = test.standing();
     let back = platform.motion().return_to_start;
     match (start, back) {
         // A return to the first position: each of its triples is a problem of its own.
@@ -120,7 +121,7 @@ pub fn quickest_positions(platform: &Platform, positions: &[Position]) -> Vec<Po
             let best = ways.reduce(|best, way| if way.0 < best.0 { way } else { best });
             best.map_or_else(|| positions.to_vec(), |(_, way)| way)
         }
-        _ => quickest(platform, &options, start, platform.home().filter(|_| back)).1,
+        _ => quickest(platform, &options, start, test.home().filter(|_| back)).1,
     }
 }
 
@@ -294,7 +295,7 @@ mod tests {
                 .collect();
         }
         let least = ways.iter().map(|w| length(w)).min().unwrap();
-        let found = quickest_positions(platform, positions);
+        let found = quickest_positions(&platform.clone().into(), positions);
         assert_eq!(length(&found), least);
         [least, length(positions)]
     }
@@ -306,7 +307,7 @@ mod tests {
             // The same attitude with α anywhere: no axis has to turn.
             let there = Position::from_deg(40.0, beta, 10.0);
             let same = Position::from_deg(0.0, beta, 10.0 - sign * 40.0);
-            let way = quickest_positions(&free, &[same, there]);
+            let way = quickest_positions(&free.clone().into(), &[same, there]);
             assert_eq!(distance(&free, way[0], way[1]), 0, "{way:?}");
         }
         // Beside it all three count.
@@ -335,6 +336,9 @@ mod tests {
     fn without_a_slew_rate_nothing_changes() {
         let free = PlatformConfig::default().check().unwrap();
         let positions = [Position::from_deg(0.0, 170.0, 0.0)];
-        assert_eq!(quickest_positions(&free, &positions), positions);
+        assert_eq!(
+            quickest_positions(&free.clone().into(), &positions),
+            positions
+        );
     }
 }

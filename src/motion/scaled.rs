@@ -1,8 +1,7 @@
 //! A schedule in another total time: what it takes depends on how the platform moves.
 
-use super::Timeline;
+use super::{Test, Timeline};
 use crate::error::{Error, Result};
-use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition, periods};
 
 impl Schedule {
@@ -14,8 +13,9 @@ impl Schedule {
     ///
     /// As [`Timeline::new`]; [`Error::is_infeasible`] when moves and settles, or a period for
     /// each dwell, need more than the total time.
-    pub fn scaled_to(&self, platform: &Platform, total_time_s: f64) -> Result<Self> {
-        let timeline = Timeline::new(platform, self)?;
+    pub fn scaled_to(&self, test: &Test, total_time_s: f64) -> Result<Self> {
+        let platform = test.platform();
+        let timeline = Timeline::new(test, self)?;
         let mut scaled = self.positions().to_vec();
         // A measured move of given duration is measuring time like a dwell.
         let turning = |p: &ScheduledPosition| {
@@ -63,7 +63,7 @@ mod tests {
         let mut config = crate::platform::PlatformConfig::default();
         config.motion.slew_rate_deg_per_s = Some(0.5);
         config.motion.settle_s = 30.0;
-        let platform = config.check().unwrap();
+        let test = Test::from(config.check().unwrap());
         let at = |deg: f64, dwell_s: f64| {
             ScheduledPosition::new(Position::from_deg(deg, 0.0, 0.0), dwell_s)
         };
@@ -74,8 +74,8 @@ mod tests {
         };
         let schedule = Schedule::new(vec![at(0.0, 200.0), at(60.0, 400.0), turning]).unwrap();
         // 1000 s of measuring, 120 s of slewing, 30 s of settling.
-        let scaled = schedule.scaled_to(&platform, 2157.0).unwrap();
-        let timeline = Timeline::new(&platform, &scaled).unwrap();
+        let scaled = schedule.scaled_to(&test, 2157.0).unwrap();
+        let timeline = Timeline::new(&test, &scaled).unwrap();
         assert!((timeline.total_time_s() - 2150.0).abs() < 1e-9);
         let [a, b, c] = scaled.positions() else {
             unreachable!("three positions");
@@ -86,13 +86,13 @@ mod tests {
         );
         assert!(
             schedule
-                .scaled_to(&platform, 170.0)
+                .scaled_to(&test, 170.0)
                 .unwrap_err()
                 .is_infeasible()
         );
         // Twice the slew rate is refused, not driven.
-        assert!(schedule.scaled_to(&platform, 500.0).is_ok_and(|s| {
-            Timeline::new(&platform, &s).is_err() || s.positions()[2].move_s >= Some(120.0)
+        assert!(schedule.scaled_to(&test, 500.0).is_ok_and(|s| {
+            Timeline::new(&test, &s).is_err() || s.positions()[2].move_s >= Some(120.0)
         }));
     }
 }

@@ -372,9 +372,9 @@ mod tests {
     fn case(config: &PlatformConfig) -> (CovarianceModel, Timeline) {
         let platform = config.check().unwrap();
         let schedule = StandardScheme::Icosahedron12
-            .schedule(12_000.0, &platform)
+            .schedule(12_000.0, &platform.clone().into())
             .unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         (CovarianceModel::new(&platform), timeline)
     }
 

@@ -26,8 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use super::sparse::sparse_basis;
 use crate::covariance::CovarianceModel;
-use crate::motion::Timeline;
-use crate::platform::Platform;
+use crate::motion::{Test, Timeline};
 use crate::wording::{listed, number};
 pub use alike::PrincipalDrift;
 use alike::alike_at_one_g;
@@ -298,11 +297,7 @@ pub struct NamedObservability {
 
 impl NamedObservability {
     /// Of `timeline`; none where the information overflows.
-    pub(crate) fn of(
-        platform: &Platform,
-        model: &CovarianceModel,
-        timeline: &Timeline,
-    ) -> Option<Self> {
+    pub(crate) fn of(test: &Test, model: &CovarianceModel, timeline: &Timeline) -> Option<Self> {
         let names = Names::new(model);
         let signatures = model.signatures(timeline).ok()?;
         let split = Split::of(&signatures, &names.open());
@@ -312,7 +307,7 @@ impl NamedObservability {
             let judge = Judge {
                 model,
                 names: &names,
-                stand: positions_all_over(platform).and_then(|t| model.signatures(&t).ok()),
+                stand: positions_all_over(test).and_then(|t| model.signatures(&t).ok()),
             };
             let families: Vec<usize> = split.open.iter().map(|&j| names.family[j]).collect();
             // What no schedule at 1 g can tell comes first, so that it is not hidden in what this one

@@ -308,7 +308,7 @@ mod tests {
                     ScheduledPosition::new(Position::from_array(angles(k)), 700.0 + 10.0 * k as f64)
                 });
                 let schedule = Schedule::new(held.collect()).unwrap();
-                let timeline = Timeline::new(&platform, &schedule).unwrap();
+                let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
                 let spaces = DriftSpaces::new(&model, &timeline);
                 for combination in &combinations {
                     let order = spaces.order_of(combination);

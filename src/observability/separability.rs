@@ -65,7 +65,7 @@ mod tests {
             .iter()
             .map(|p| ScheduledPosition::new(Position::from_deg(p[0], p[1], p[2]), 1000.0));
         let schedule = Schedule::new(held.collect()).unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let regressor = Regressor::new(&CovarianceModel::new(&platform), &timeline);
         let space = RowSpace::of(&regressor.geometry(channels));
         of_rows(&regressor.weighted(channels), &space, |c| {

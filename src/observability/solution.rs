@@ -321,7 +321,11 @@ mod tests {
     fn solve(positions: &[Position], combination: &Combination) -> Result<Solution, NoSolution> {
         let platform = PlatformConfig::default().check().unwrap();
         let held = positions.iter().map(|p| ScheduledPosition::new(*p, 1000.0));
-        let timeline = Timeline::new(&platform, &Schedule::new(held.collect()).unwrap()).unwrap();
+        let timeline = Timeline::new(
+            &platform.clone().into(),
+            &Schedule::new(held.collect()).unwrap(),
+        )
+        .unwrap();
         let model = CovarianceModel::new(&platform);
         let observability = Observability::analyze(&model, &timeline).unwrap();
         Solution::find(&model, &timeline, &observability, combination)

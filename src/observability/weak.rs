@@ -131,9 +131,9 @@ mod tests {
     fn the_trace_is_weakest_and_seen_through_the_second_derivative_only() {
         let platform = PlatformConfig::default().check().unwrap();
         let schedule = StandardScheme::Icosahedron12
-            .schedule(12_000.0, &platform)
+            .schedule(12_000.0, &platform.clone().into())
             .unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let (values, weak) = weak_combinations(&CovarianceModel::new(&platform), &timeline);
         assert_eq!((values.len(), weak.len()), (12, 12));
         assert_eq!(weak[0].name().to_string(), "D_IX + D_IY + D_IZ");

@@ -362,7 +362,7 @@ fn list(sentences: Vec<String>) -> Option<Block> {
 fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String>, Vec<Block>) {
     let total_time_s = subject.document.total_time_s;
     let achieved = subject.document.score.criterion;
-    let certifier = Certifier::new(subject.study.platform());
+    let certifier = Certifier::new(subject.study.test().platform());
     let objective = subject.evaluator.objective();
     let certificate =
         CertificateRecord::of_criterion(&certifier, objective, total_time_s, achieved);

@@ -19,17 +19,17 @@ use std::f64::consts::FRAC_PI_2;
 use super::{MAX_DURATION_S, Schedule, ScheduledPosition, text};
 use crate::attitude::{Attitude, EAST, NORTH, Position};
 use crate::error::{Error, Result};
-use crate::motion::{Timeline, quickest_positions};
-use crate::platform::Platform;
+use crate::motion::{Test, Timeline, quickest_positions};
 
 /// A built-in scheme.
 ///
 /// ```
+/// use scheme_opt::internals::motion::Test;
 /// use scheme_opt::internals::platform::PlatformConfig;
 /// use scheme_opt::internals::schedule::standard::StandardScheme;
-/// let platform = PlatformConfig::default().check()?;
+/// let test = Test::from(PlatformConfig::default().check()?);
 /// let scheme = StandardScheme::from_name("faces-12")?;
-/// let schedule = scheme.schedule(12_000.0, &platform)?;
+/// let schedule = scheme.schedule(12_000.0, &test)?;
 /// assert_eq!(schedule.positions().len(), 12);
 /// assert_eq!(schedule.positions()[0].dwell_s, 1000.0);
 /// # Ok::<(), scheme_opt::Error>(())
@@ -154,7 +154,7 @@ impl StandardScheme {
         }
     }
 
-    /// The scheme as a schedule of `total_time_s` on `platform`: equal dwells that, together
+    /// The scheme as a schedule of `total_time_s` in `test`: equal dwells that, together
     /// with the moves and settles between them, add up to the total. Of the Euler triples of each
     /// attitude those within the gimbals' ranges that are reached quickest are taken.
     ///
@@ -163,7 +163,7 @@ impl StandardScheme {
     /// [`Error::is_input`] when `total_time_s` is not in 0 to 1e7;
     /// [`Error::is_infeasible`] when the platform cannot take one of the positions, or when moves
     /// and settles leave no time to dwell.
-    pub fn schedule(self, total_time_s: f64, platform: &Platform) -> Result<Schedule> {
+    pub fn schedule(self, total_time_s: f64, test: &Test) -> Result<Schedule> {
         if !(0.0..=MAX_DURATION_S).contains(&total_time_s) {
             return Err(Error::out_of_range(
                 "total_time_s",
@@ -171,14 +171,14 @@ impl StandardScheme {
                 "0 to 1e7",
             ));
         }
-        let positions = quickest_positions(platform, &self.positions());
+        let positions = quickest_positions(test, &self.positions());
         let held_for = |dwell_s: f64| {
             let held = positions
                 .iter()
                 .map(|p| ScheduledPosition::new(*p, dwell_s));
             Schedule::new(held.collect())
         };
-        let overhead_s = Timeline::new(platform, &held_for(0.0)?)
+        let overhead_s = Timeline::new(test, &held_for(0.0)?)
             .map_err(|e| self.unreachable(e))?
             .overhead_s();
         let dwell_s = (total_time_s - overhead_s) / positions.len() as f64;
@@ -456,14 +456,14 @@ mod tests {
     #[test]
     fn every_scheme_takes_the_same_total_time() {
         let mut config = PlatformConfig::default();
-        let instant = config.check().unwrap();
+        let instant = Test::from(config.check().unwrap());
         config.motion.slew_rate_deg_per_s = Some(1.0);
         config.motion.settle_s = 20.0;
-        let slow = config.check().unwrap();
+        let slow = Test::from(config.check().unwrap());
         for scheme in StandardScheme::ALL {
-            for platform in [&instant, &slow] {
-                let schedule = scheme.schedule(20_000.0, platform).unwrap();
-                let total = Timeline::new(platform, &schedule).unwrap().total_time_s();
+            for test in [&instant, &slow] {
+                let schedule = scheme.schedule(20_000.0, test).unwrap();
+                let total = Timeline::new(test, &schedule).unwrap().total_time_s();
                 assert!((total - 20_000.0).abs() < 1e-8);
                 let first = schedule.positions()[0].dwell_s;
                 assert!(schedule.positions().iter().all(|p| p.dwell_s == first));
@@ -475,30 +475,26 @@ mod tests {
     fn what_does_not_fit_the_platform_is_infeasible_with_a_reason() {
         let mut config = PlatformConfig::default();
         config.motion.settle_s = 100.0;
-        let platform = config.check().unwrap();
-        let error = StandardScheme::Faces6
-            .schedule(500.0, &platform)
-            .unwrap_err();
+        let test = Test::from(config.check().unwrap());
+        let error = StandardScheme::Faces6.schedule(500.0, &test).unwrap_err();
         assert!(error.is_infeasible());
         assert!(error.to_string().contains("take 500 s"), "{error}");
 
         config.gimbals.beta_deg = Some([-60.0, 60.0]);
-        let platform = config.check().unwrap();
-        assert!(StandardScheme::Cube26.schedule(5000.0, &platform).is_ok());
-        let error = StandardScheme::Axis24
-            .schedule(5000.0, &platform)
-            .unwrap_err();
+        let test = Test::from(config.check().unwrap());
+        assert!(StandardScheme::Cube26.schedule(5000.0, &test).is_ok());
+        let error = StandardScheme::Axis24.schedule(5000.0, &test).unwrap_err();
         assert!(error.is_infeasible());
         assert!(error.key().unwrap().ends_with("beta_deg"));
         assert!(error.to_string().contains("axis-24"), "{error}");
 
         for bad in [f64::NAN, -1.0, f64::INFINITY, 2e7] {
-            let error = StandardScheme::Faces6.schedule(bad, &platform).unwrap_err();
+            let error = StandardScheme::Faces6.schedule(bad, &test).unwrap_err();
             assert!(error.is_input());
         }
         assert!(
             StandardScheme::Faces6
-                .schedule(0.0, &platform)
+                .schedule(0.0, &test)
                 .unwrap_err()
                 .is_infeasible()
         );

@@ -62,7 +62,7 @@ pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing
             }
             _ => trust *= 0.25,
         }
-        if trust < evaluator.platform().period_s() {
+        if trust < evaluator.test().platform().period_s() {
             break;
         }
     }
@@ -73,8 +73,8 @@ pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing
 /// dropped, and the rest fills the total time.
 fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) -> Option<Refined> {
     let evaluator = context.evaluator;
-    let platform = evaluator.platform();
-    let shortest = 0.5 * platform.shortest_dwell_s();
+    let test = evaluator.test();
+    let shortest = 0.5 * test.platform().shortest_dwell_s();
     let mut next = plan.clone();
     for (k, change) in step.iter().enumerate().rev() {
         next.dwell_s[k] += change;
@@ -83,10 +83,10 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
             next.remove(k);
         }
     }
-    let next = next.fitted(platform, context.problem.total_time_s)?;
+    let next = next.fitted(test, context.problem.total_time_s)?;
     context.work.count_evaluations(1);
     // A step to where no merit can be computed is not taken.
-    let merit = evaluator.merit(&next.timeline(platform), smoothing).ok()?;
+    let merit = evaluator.merit(&next.timeline(test), smoothing).ok()?;
     Some(Refined { plan: next, merit })
 }
 
@@ -119,13 +119,13 @@ impl LocalModel {
         work: &WorkDone,
     ) -> Option<Self> {
         let model = evaluator.model();
-        let platform = evaluator.platform();
+        let test = evaluator.test();
         if !model.is_of_the_paper() {
             return Self::by_gradients(evaluator, plan, smoothing, work);
         }
         let count = plan.angles.len();
         work.count_evaluations(count as u64 + 1);
-        let timeline = plan.timeline(platform);
+        let timeline = plan.timeline(test);
         let end = model.end_covariance_in_doubles(&timeline, TickRule::Relaxed);
         // Without a local model the dwells stay as they are.
         let end = end.ok()?;
@@ -137,13 +137,13 @@ impl LocalModel {
                 root: root.matrix(),
                 sum: CoefficientMatrix::zeros(),
             };
-            let timeline = plan.timeline(platform);
+            let timeline = plan.timeline(test);
             model.run(&timeline, TickRule::Relaxed, &mut seen, &mut NoRecord);
             seen.sum
         };
         let here = information(plan);
         // One period ahead: long against rounding, short against the dwell.
-        let ahead = platform.period_s();
+        let ahead = test.platform().period_s();
         let mut pulled = Vec::with_capacity(count);
         let mut gradient = Vec::with_capacity(count);
         for k in 0..count {
@@ -174,10 +174,10 @@ impl LocalModel {
         smoothing: Smoothing,
         work: &WorkDone,
     ) -> Option<Self> {
-        let platform = evaluator.platform();
+        let test = evaluator.test();
         let count = plan.angles.len();
         // One period ahead: long against rounding, short against the dwell.
-        let ahead = platform.period_s();
+        let ahead = test.platform().period_s();
         work.count_evaluations(count as u64 + 1);
         let longer = (0..count).map(|k| {
             let mut longer = plan.clone();
@@ -185,7 +185,7 @@ impl LocalModel {
             longer
         });
         let plans = std::iter::once(plan.clone()).chain(longer);
-        let timelines: Vec<Timeline> = plans.map(|p| p.timeline(platform)).collect();
+        let timelines: Vec<Timeline> = plans.map(|p| p.timeline(test)).collect();
         let held = timelines[0].positions();
         let slopes = evaluator.merit_gradients(&timelines, smoothing);
         let slopes: Option<Vec<Vec<f64>>> = slopes

@@ -5,8 +5,7 @@ use super::plan::Plan;
 use super::ways::in_deg;
 use crate::attitude::{Degrees, Position};
 use crate::criterion::Smoothing;
-use crate::motion::way;
-use crate::platform::Platform;
+use crate::motion::{Test, way};
 
 /// What one more second of test changes the merit by, given to all dwells in proportion.
 pub(super) fn price_of_time(
@@ -16,12 +15,12 @@ pub(super) fn price_of_time(
 ) -> Option<f64> {
     /// A difference long against rounding, short against the test.
     const STEP: f64 = 1e-3;
-    let platform = context.evaluator.platform();
+    let test = context.evaluator.test();
     let total_time_s = context.problem.total_time_s;
     let merit = |total_time_s: f64| {
-        let plan = plan.clone().fitted(platform, total_time_s)?;
+        let plan = plan.clone().fitted(test, total_time_s)?;
         context.work.count_evaluations(1);
-        let timeline = plan.timeline(platform);
+        let timeline = plan.timeline(test);
         // Without a merit time has no price.
         context.evaluator.merit(&timeline, smoothing).ok()
     };
@@ -30,18 +29,18 @@ pub(super) fn price_of_time(
 }
 
 /// Time for the moves and the settle that a position at `gap` adds, s.
-pub(super) fn detour_s(platform: &Platform, plan: &Plan, gap: usize, position: Position) -> f64 {
-    let motion = platform.motion();
+pub(super) fn detour_s(test: &Test, plan: &Plan, gap: usize, position: Position) -> f64 {
+    let motion = test.platform().motion();
     let Some(rate) = motion.slew_rate_rad_per_s else {
         return motion.settle_s;
     };
     let by_way = |from: Position, to: Position, given: Option<[f64; 3]>| {
-        let change = way(platform, from, to, given).map(Degrees::rad);
+        let change = way(test.platform(), from, to, given).map(Degrees::rad);
         change.iter().fold(0.0_f64, |max, c| max.max(c.abs())) / rate
     };
     let short = |from: Position, to: Position| by_way(from, to, None);
     let at = |k: usize| plan.angles.get(k).map(|a| Position::from_array(*a));
-    let before = gap.checked_sub(1).map_or(platform.standing(), at);
+    let before = gap.checked_sub(1).map_or(test.standing(), at);
     let after = at(gap);
     let to = before.map_or(0.0, |b| short(b, position));
     let on = after.map_or(0.0, |a| short(position, a));

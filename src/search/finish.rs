@@ -11,6 +11,7 @@ use super::together::refine_all;
 use super::workshop::Workshop;
 use crate::attitude::{Position, decimal, deg_of_rad};
 use crate::criterion::Smoothing;
+use crate::motion::Test;
 use crate::platform::{Platform, multiples};
 use crate::schedule::periods;
 
@@ -64,12 +65,12 @@ impl Workshop for FreeAngles {
     }
 
     fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
-        let (platform, total_time_s) = (context.evaluator.platform(), context.problem.total_time_s);
-        if plan.clone().fitted(platform, total_time_s).is_some() {
+        let (test, total_time_s) = (context.evaluator.test(), context.problem.total_time_s);
+        if plan.clone().fitted(test, total_time_s).is_some() {
             return plan;
         }
-        let with_room = |plan: Plan| plan.fitted(platform, 0.95 * total_time_s);
-        brought_within(platform, &plan, with_room).unwrap_or(plan)
+        let with_room = |plan: Plan| plan.fitted(test, 0.95 * total_time_s);
+        brought_within(test, &plan, with_room).unwrap_or(plan)
     }
 }
 
@@ -120,11 +121,11 @@ fn settle_allocation(context: Context<'_>, smoothing: Smoothing, mut current: Re
 /// Removes positions one by one, the most idle first, as long as the merit loses less than the
 /// tolerance by it.
 fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
-    let (platform, problem) = (context.evaluator.platform(), context.problem);
+    let (test, problem) = (context.evaluator.test(), context.problem);
     while current.plan.angles.len() > 1 && !context.must_stop() {
         let without = |k| {
             let fewer = current.plan.without(k);
-            fewer.fitted(platform, problem.total_time_s)
+            fewer.fitted(test, problem.total_time_s)
         };
         let fewer = (0..current.plan.angles.len()).filter_map(without).collect();
         let candidates = refine_all(context, fewer, smoothing, REMOVAL_ITERATIONS);
@@ -144,10 +145,10 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
 /// Rounds angles and dwells, refining the angles once more between where moves take no time.
 fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
-    let platform = evaluator.platform();
+    let test = evaluator.test();
     let total_time_s = context.problem.total_time_s;
-    let mut plan = rounded_to_fit(platform, plan, total_time_s)?;
-    if platform.motion().slew_rate_rad_per_s.is_none() {
+    let mut plan = rounded_to_fit(test, plan, total_time_s)?;
+    if test.platform().motion().slew_rate_rad_per_s.is_none() {
         // The dwells are final now; the angles settle around them. Where moves take time this
         // could lengthen them beyond the total time.
         let smoothing = match evaluator.objective().criterion.has_kinks() {
@@ -156,7 +157,7 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
         };
         let refined = refine_angles(context, &plan, smoothing, FULL_ITERATIONS);
         if let Some(refined) = refined {
-            let settled = rounded(platform, &refined.plan);
+            let settled = rounded(test.platform(), &refined.plan);
             // Where the criterion has a kink, the smooth form that was refined may be worse by it.
             if exact_merit(context, &settled) < exact_merit(context, &plan) {
                 plan = settled;
@@ -173,27 +174,27 @@ const SHORTER_BY: [f64; 9] = [0.0, 1e-6, 4e-6, 1.6e-5, 6.4e-5, 2.5e-4, 1e-3, 4e-
 /// left, rounding may lengthen them beyond the total time by some milliseconds; then the moves are
 /// shortened by as little as it takes. Where that is not enough, because a start off the steps
 /// leaves no time to turn to one, the angles stay as they are.
-fn rounded_to_fit(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
+fn rounded_to_fit(test: &Test, plan: &Plan, total_time_s: f64) -> Option<Plan> {
     let as_rounded = SHORTER_BY.into_iter().find_map(|share| {
         let plan = match share > 0.0 {
-            true => plan.with_shorter_moves(platform, share),
+            true => plan.with_shorter_moves(test, share),
             false => plan.clone(),
         };
-        with_whole_periods(platform, &rounded(platform, &plan), total_time_s)
+        with_whole_periods(test, &rounded(test.platform(), &plan), total_time_s)
     });
-    as_rounded.or_else(|| with_whole_periods(platform, plan, total_time_s))
+    as_rounded.or_else(|| with_whole_periods(test, plan, total_time_s))
 }
 
 /// Ways turned the other way round as long as the criterion gets better by it and the test no
 /// longer: a half turn is as long either way.
 fn best_ways(context: Context<'_>, mut plan: Plan) -> Plan {
-    let platform = context.evaluator.platform();
-    let total_time_s = plan.timeline(platform).total_time_s();
+    let test = context.evaluator.test();
+    let total_time_s = plan.timeline(test).total_time_s();
     let mut merit = exact_merit(context, &plan);
     for _ in 0..3 * plan.angles.len() {
-        let others = plan.other_ways(platform).into_iter();
+        let others = plan.other_ways(test).into_iter();
         let as_short =
-            others.filter(|p| p.timeline(platform).total_time_s() <= total_time_s * (1.0 + 1e-12));
+            others.filter(|p| p.timeline(test).total_time_s() <= total_time_s * (1.0 + 1e-12));
         let rated = as_short.map(|p| (exact_merit(context, &p), p));
         match rated.reduce(|best, p| if p.0 < best.0 { p } else { best }) {
             Some((better, other)) if better < merit - 1e-9 && !context.must_stop() => {
@@ -213,7 +214,7 @@ const MOST_SHIFTED: usize = 40;
 /// Moves single periods from dwell to dwell as long as the criterion gets better by it: what
 /// rounding has cost is won back.
 fn shift_periods(context: Context<'_>, mut plan: Plan) -> Plan {
-    let platform = context.evaluator.platform();
+    let platform = context.evaluator.test().platform();
     let (period_s, shortest_s) = (platform.period_s(), platform.shortest_dwell_s());
     let count = plan.dwell_s.len();
     if count > MOST_SHIFTED {
@@ -244,15 +245,15 @@ fn shift_periods(context: Context<'_>, mut plan: Plan) -> Plan {
 /// The merit of a finished plan by the criterion itself; infinite where it has none.
 fn exact_merit(context: Context<'_>, plan: &Plan) -> f64 {
     context.work.count_evaluations(1);
-    let timeline = plan.timeline(context.evaluator.platform());
+    let timeline = plan.timeline(context.evaluator.test());
     let merit = context.evaluator.merit(&timeline, Smoothing::Exact);
     merit.unwrap_or(f64::INFINITY)
 }
 
 /// Rounds the dwells of a plan whose angles are final.
 pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
-    let platform = context.evaluator.platform();
-    let plan = with_whole_periods(platform, plan, context.problem.total_time_s)?;
+    let test = context.evaluator.test();
+    let plan = with_whole_periods(test, plan, context.problem.total_time_s)?;
     final_figures(context, shift_periods(context, best_ways(context, plan)))
 }
 
@@ -260,7 +261,7 @@ pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidat
 fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     context.work.count_evaluations(1);
-    let timeline = plan.timeline(evaluator.platform());
+    let timeline = plan.timeline(evaluator.test());
     // A plan that cannot be evaluated is no candidate.
     let merit = evaluator.merit(&timeline, Smoothing::Exact).ok()?;
     let (_, criterion) = evaluator.end_with_criterion(&timeline).ok()?;
@@ -302,13 +303,13 @@ fn round_angle_deg(platform: &Platform, axis: usize, angle: f64) -> f64 {
 }
 
 /// Dwells to whole filter periods, as many as the total time leaves.
-fn with_whole_periods(platform: &Platform, plan: &Plan, total_time_s: f64) -> Option<Plan> {
-    let budget_s = total_time_s - plan.overhead_s(platform);
+fn with_whole_periods(test: &Test, plan: &Plan, total_time_s: f64) -> Option<Plan> {
+    let budget_s = total_time_s - plan.overhead_s(test);
     let rounded = Plan {
-        dwell_s: whole_periods(platform, &plan.dwell_s, budget_s)?,
+        dwell_s: whole_periods(test.platform(), &plan.dwell_s, budget_s)?,
         ..plan.clone()
     };
-    let total = rounded.timeline(platform).total_time_s();
+    let total = rounded.timeline(test).total_time_s();
     (total <= total_time_s * (1.0 + TIME_SLACK)).then_some(rounded)
 }
 

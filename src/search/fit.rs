@@ -7,7 +7,7 @@
 //! time there is no schedule, with as much there is one.
 
 use crate::error::{Error, Result};
-use crate::platform::Platform;
+use crate::motion::Test;
 
 use super::plan::{Plan, TIME_SLACK};
 
@@ -25,14 +25,14 @@ pub(super) struct LeastTime {
 }
 
 impl LeastTime {
-    pub fn of(platform: &Platform) -> Self {
+    pub fn of(test: &Test) -> Self {
         let plan = Plan::new(
-            vec![platform.standing().unwrap_or_default().to_array()],
-            vec![platform.shortest_dwell_s()],
+            vec![test.standing().unwrap_or_default().to_array()],
+            vec![test.platform().shortest_dwell_s()],
         );
-        let timeline = plan.timeline(platform);
+        let timeline = plan.timeline(test);
         let held = timeline.positions();
-        let done = platform.done().is_some();
+        let done = test.done().is_some();
         let duration = |legs: &[crate::motion::Leg]| legs.iter().map(|l| l.duration_s()).sum();
         Self {
             done_s: match done {
@@ -99,14 +99,14 @@ const SHORTER_BY: [f64; 23] = [
 /// time, of the plan with its moves shortened by as little as it takes, and with so many of its
 /// positions as fit at all.
 pub(super) fn brought_within<T>(
-    platform: &Platform,
+    test: &Test,
     plan: &Plan,
     ready: impl Fn(Plan) -> Option<T>,
 ) -> Option<T> {
     if let Some(ready) = ready(plan.clone()) {
         return Some(ready);
     }
-    let shorter = |plan: &Plan, share: f64| ready(plan.with_shorter_moves(platform, share));
+    let shorter = |plan: &Plan, share: f64| ready(plan.with_shorter_moves(test, share));
     let mut plan = plan.clone();
     while shorter(&plan, 1.0).is_none() {
         if plan.angles.len() < 2 {
@@ -124,14 +124,18 @@ mod tests {
     use super::*;
     use crate::attitude::Position;
     use crate::motion::Timeline;
+    use crate::platform::PlatformConfig;
     use crate::schedule::Schedule;
     use crate::schedule::ScheduledPosition;
     use crate::search::still::{still, stillest};
-    use crate::testing::platform;
+
+    fn test(change: impl FnOnce(&mut PlatformConfig)) -> Test {
+        crate::testing::platform(change).into()
+    }
 
     #[test]
     fn the_least_time_is_that_of_staying_where_the_platform_stands() {
-        let moving = platform(|c| {
+        let moving = test(|c| {
             c.motion.slew_rate_deg_per_s = Some(1.0);
             c.motion.settle_s = 7.0;
             c.motion.min_dwell_s = 25.0;
@@ -160,7 +164,7 @@ mod tests {
 
     #[test]
     fn rounding_of_the_times_does_not_refuse() {
-        let rounded = platform(|c| {
+        let rounded = test(|c| {
             c.filter.period_s = 0.1;
             c.motion.settle_s = 0.1;
             c.motion.min_dwell_s = 0.2;
@@ -170,7 +174,7 @@ mod tests {
         let plan = still(&rounded).unwrap();
         assert!(plan.fitted(&rounded, 0.3).is_some());
         // More places than a plan keeps, on a stand so slow that the last of them would take time.
-        let slow = platform(|c| {
+        let slow = test(|c| {
             c.filter.period_s = 0.1;
             c.motion.min_dwell_s = 0.2;
             c.motion.slew_rate_deg_per_s = Some(0.005);
@@ -183,7 +187,7 @@ mod tests {
 
     #[test]
     fn any_plan_is_brought_within_the_least_time() {
-        let slow = platform(|c| {
+        let slow = test(|c| {
             c.motion.slew_rate_deg_per_s = Some(0.01);
             c.motion.settle_s = 7.0;
             c.motion.start_deg = Some([10.0, 20.0, 30.0]);
@@ -209,14 +213,14 @@ mod tests {
             (None, Some(7.0)),
             (Some([-900.0, -700.0]), None),
         ] {
-            let odd = platform(|c| {
+            let odd = test(|c| {
                 c.gimbals.alpha_deg = alpha;
                 c.gimbals.step_deg = step;
             });
             let schedule = stillest(&odd).unwrap();
             assert!(Timeline::new(&odd, &schedule).is_ok(), "{alpha:?} {step:?}");
         }
-        let nowhere = platform(|c| {
+        let nowhere = test(|c| {
             c.gimbals.alpha_deg = Some([33.0, 34.0]);
             c.gimbals.step_deg = Some(40.0);
         });

@@ -109,10 +109,10 @@ fn nothing_fits() -> Error {
 
 /// The problem at each time, shortest first. Fewer starts for each: neighbours help.
 fn problems(evaluator: &Evaluator, problem: &SearchProblem, points: usize) -> Vec<SearchProblem> {
-    let platform = evaluator.platform();
+    let test = evaluator.test();
     let longest = problem.total_time_s;
     let shortest = (SHORTEST_SHARE * longest)
-        .max(LeastTime::of(platform).total_s())
+        .max(LeastTime::of(test).total_s())
         .min(longest);
     (0..points)
         .map(|k| {
@@ -188,9 +188,7 @@ impl FrontSweep<'_> {
                 {
                     return Ok(turning);
                 }
-                candidate
-                    .plan
-                    .to_schedule(self.context.evaluator.platform())
+                candidate.plan.to_schedule(self.context.evaluator.test())
             })
             .collect()
     }
@@ -225,7 +223,7 @@ impl FrontSweep<'_> {
         let plan = found[from].as_ref().and_then(|c| {
             c.plan
                 .clone()
-                .fitted(self.context.evaluator.platform(), problem.total_time_s)
+                .fitted(self.context.evaluator.test(), problem.total_time_s)
         });
         let stage = self.context.work.next_stage();
         let name = || format!("{stage}/offer");

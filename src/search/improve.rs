@@ -141,7 +141,7 @@ impl Ideas {
 
 /// The `most` best plans in which one gimbal turns the other way round on one move, best first.
 fn other_ways(context: Context<'_>, smoothing: Smoothing, plan: &Plan, most: usize) -> Vec<Plan> {
-    let others = plan.other_ways(context.evaluator.platform());
+    let others = plan.other_ways(context.evaluator.test());
     let rated = others.iter().map(|plan| rate(context, plan, smoothing));
     let mut rated: Vec<Refined> = rated.flatten().collect();
     rated.sort_by(|a, b| a.merit.total_cmp(&b.merit));
@@ -150,7 +150,7 @@ fn other_ways(context: Context<'_>, smoothing: Smoothing, plan: &Plan, most: usi
 
 /// A random change of `plan`.
 fn kick(context: Context<'_>, plan: &Plan, kind: usize, random: &mut ChaCha8Rng) -> Plan {
-    let platform = context.evaluator.platform();
+    let platform = context.evaluator.test().platform();
     let count = plan.angles.len();
     let mut kicked = plan.clone();
     match kind {

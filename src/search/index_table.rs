@@ -23,7 +23,7 @@ use crate::covariance::TickRule;
 use crate::covariance::fast::cuts::Cuts;
 use crate::covariance::fast::several::between::Between;
 use crate::criterion::Smoothing;
-use crate::motion::Timeline;
+use crate::motion::{Test, Timeline};
 use crate::platform::Platform;
 use crate::units::RAD_PER_DEG;
 
@@ -122,7 +122,7 @@ impl IndexTable {
 
     /// The plan with every angle at its nearest setting.
     fn snapped(&self, context: Context<'_>, plan: &Plan) -> Plan {
-        let platform = context.evaluator.platform();
+        let platform = context.evaluator.test().platform();
         let mut snapped = plan.clone();
         for angles in &mut snapped.angles {
             *angles = self.snap(platform, *angles);
@@ -133,8 +133,8 @@ impl IndexTable {
     /// `plan` on the table and within the time, as little changed as that takes; none where it has
     /// no merit.
     fn placed(&self, context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
-        let platform = context.evaluator.platform();
-        brought_within(platform, plan, |plan| {
+        let test = context.evaluator.test();
+        brought_within(test, plan, |plan| {
             rate(context, &self.snapped(context, &plan), smoothing)
         })
     }
@@ -169,7 +169,7 @@ impl IndexTable {
     }
 
     /// The places that an exchange of position `k` tries.
-    fn places(&self, platform: &Platform, plan: &Plan, k: usize, reach: Reach) -> Vec<[f64; 3]> {
+    fn places(&self, test: &Test, plan: &Plan, k: usize, reach: Reach) -> Vec<[f64; 3]> {
         let angles = plan.angles[k];
         let all = reach == Reach::All || self.is_coarse();
         if all && !self.attitudes().is_empty() {
@@ -177,7 +177,7 @@ impl IndexTable {
             let quickest = |triples: &Vec<[f64; 3]>| {
                 let detours = triples.iter().map(|t| {
                     let position = Position::from_array(*t);
-                    (detour_s(platform, &others, k, position), *t)
+                    (detour_s(test, &others, k, position), *t)
                 });
                 let best = detours.reduce(|best, d| if d.0 < best.0 { d } else { best });
                 best.map_or(angles, |(_, triple)| triple)
@@ -293,13 +293,13 @@ impl Workshop for OnTable {
 
     fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
         let snapped = self.0.snapped(context, &plan);
-        let (platform, total_time_s) = (context.evaluator.platform(), context.problem.total_time_s);
-        let fits = |plan: Plan| plan.fitted(platform, total_time_s);
+        let (test, total_time_s) = (context.evaluator.test(), context.problem.total_time_s);
+        let fits = |plan: Plan| plan.fitted(test, total_time_s);
         if fits(snapped.clone()).is_some() {
             return snapped;
         }
         let placed = |plan: Plan| fits(self.0.snapped(context, &plan));
-        brought_within(platform, &plan, placed).unwrap_or(snapped)
+        brought_within(test, &plan, placed).unwrap_or(snapped)
     }
 }
 
@@ -354,18 +354,18 @@ fn exchange_once(
     reach: Reach,
     mut current: Refined,
 ) -> Refined {
-    let platform = context.evaluator.platform();
+    let test = context.evaluator.test();
     let mut positions = 0..current.plan.angles.len();
     while !positions.is_empty() {
         // The estimates rest on the plan as it is: they serve one position after the other until
         // one of them is exchanged, and are made anew then.
-        let timeline = current.plan.timeline(platform);
+        let timeline = current.plan.timeline(test);
         let estimates = Estimates::new(context, smoothing, &current.plan, &timeline);
         for k in positions.by_ref() {
             if context.must_stop() {
                 return current;
             }
-            let places = table.places(platform, &current.plan, k, reach);
+            let places = table.places(test, &current.plan, k, reach);
             let tried = estimates.best(k, places).into_iter().filter_map(|place| {
                 let mut plan = current.plan.clone();
                 plan.replace(k, place);
@@ -406,7 +406,12 @@ impl<'a> Estimates<'a> {
         let evaluator = context.evaluator;
         // Estimates leave the separability out: only where it is no more than a tie-breaker.
         let by_covariance = !evaluator.objective().is_led_by_separability();
-        let slews = evaluator.platform().motion().slew_rate_rad_per_s.is_some();
+        let slews = evaluator
+            .test()
+            .platform()
+            .motion()
+            .slew_rate_rad_per_s
+            .is_some();
         Self {
             context,
             smoothing,
@@ -438,7 +443,7 @@ impl<'a> Estimates<'a> {
 
     fn estimates(&self, k: usize, around: &Between, places: &[[f64; 3]]) -> Vec<(f64, [f64; 3])> {
         let evaluator = self.context.evaluator;
-        let platform = evaluator.platform();
+        let platform = evaluator.test().platform();
         let mut more_s = Vec::with_capacity(places.len());
         let parts: Vec<Timeline> = places
             .iter()
@@ -504,7 +509,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_table_holds_the_24_rotations_of_the_cube() {
         let evaluator = evaluator();
-        let table = IndexTable::new(evaluator.platform()).unwrap();
+        let table = IndexTable::new(evaluator.test().platform()).unwrap();
         assert_eq!(table.attitudes().len(), 24);
         assert_eq!(table.attitudes().iter().map(Vec::len).sum::<usize>(), 64);
         assert_eq!(table.sample(1000).len(), 64);
@@ -523,7 +528,7 @@ mod tests {
 
     /// Every sequence of `count` of the attitudes, no two the same in a row, with equal dwells.
     fn sequences(context: Context<'_>, count: usize) -> Vec<Refined> {
-        let table = IndexTable::new(context.evaluator.platform()).unwrap();
+        let table = IndexTable::new(context.evaluator.test().platform()).unwrap();
         let places: Vec<[f64; 3]> = table.attitudes().iter().map(|a| a[0]).collect();
         let n = places.len();
         (0..n.pow(count as u32))

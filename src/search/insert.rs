@@ -48,7 +48,7 @@ pub(super) fn insertions(
     }) else {
         return Vec::new();
     };
-    let attitudes = attitudes(context.evaluator.platform());
+    let attitudes = attitudes(context.evaluator.test().platform());
     let mut rated: Vec<Refined> = gaps
         .promising(context, &base, &attitudes)
         .into_iter()
@@ -90,8 +90,8 @@ struct Gaps {
 impl Gaps {
     fn of(context: Context<'_>, smoothing: Smoothing, plan: &Plan) -> Option<Self> {
         let evaluator = context.evaluator;
-        let (platform, model) = (evaluator.platform(), evaluator.model());
-        let timeline = plan.timeline(platform);
+        let (test, model) = (evaluator.test(), evaluator.model());
+        let timeline = plan.timeline(test);
         let cuts = Cuts::new(model, &timeline, TickRule::Relaxed);
         let merit = |p: &dyn CoefficientCovariance| evaluator.estimate_and_slope(p, smoothing);
         context.work.count_evaluations(2);
@@ -102,7 +102,7 @@ impl Gaps {
                 .collect::<Option<_>>()?,
             price: price_of_time(context, smoothing, plan)?,
             dwell_s: (SHARE * timeline.total_time_s() / plan.angles.len() as f64)
-                .max(platform.shortest_dwell_s()),
+                .max(test.platform().shortest_dwell_s()),
         })
     }
 
@@ -113,7 +113,7 @@ impl Gaps {
         plan: &Plan,
         attitudes: &[Position],
     ) -> Vec<(usize, Position)> {
-        let platform = context.evaluator.platform();
+        let test = context.evaluator.test();
         let drift: Vec<_> = attitudes
             .iter()
             .map(|p| drift_matrix(&p.attitude()))
@@ -124,7 +124,7 @@ impl Gaps {
                 .iter()
                 .zip(&drift)
                 .map(|(position, a)| {
-                    let more_s = self.dwell_s + detour_s(platform, plan, gap, *position);
+                    let more_s = self.dwell_s + detour_s(test, plan, gap, *position);
                     let gain = insertion.at(a) * self.dwell_s - self.price * more_s;
                     (gain, gap, *position)
                 })

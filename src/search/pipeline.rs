@@ -30,7 +30,7 @@ const SCREENING_ITERATIONS: u64 = 90;
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
 pub(crate) fn best_candidate(context: Context<'_>, warm: &[Plan]) -> Result<Candidate> {
-    let found = match IndexTable::new(context.evaluator.platform()) {
+    let found = match IndexTable::new(context.evaluator.test().platform()) {
         Some(table) => best_in(context, &OnTable(table), warm),
         None => best_in(context, &FreeAngles, warm),
     };
@@ -49,7 +49,7 @@ fn best_in(
     finalists.truncate(FINALISTS);
     let known = warm.iter().filter_map(|plan| {
         plan.clone()
-            .fitted(context.evaluator.platform(), context.problem.total_time_s)
+            .fitted(context.evaluator.test(), context.problem.total_time_s)
     });
     let plans: Vec<Plan> = known.chain(finalists.into_iter().map(|r| r.plan)).collect();
     let smoothing = context.first_smoothing();
@@ -125,7 +125,7 @@ fn in_parallel<T: Send, U: Shown + Memorable + Send>(
 
 /// Works `plan` out to the end; none when it comes to nothing.
 pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
-    match IndexTable::new(context.evaluator.platform()) {
+    match IndexTable::new(context.evaluator.test().platform()) {
         Some(table) => finish_in(context, &OnTable(table), plan),
         None => finish_in(context, &FreeAngles, plan),
     }
@@ -169,7 +169,7 @@ fn best_of(candidates: Vec<Candidate>) -> Option<Candidate> {
 /// Refines every start for a while; returns them best first. The first start is worked on
 /// whatever the control says, so that there always is a best so far.
 fn screen(context: Context<'_>, stage: u64, starts: Vec<Plan>) -> Vec<Refined> {
-    let table = IndexTable::new(context.evaluator.platform()).filter(IndexTable::is_coarse);
+    let table = IndexTable::new(context.evaluator.test().platform()).filter(IndexTable::is_coarse);
     let mut refined = match &table {
         // On a coarse table rounding changes a plan too much for its merit with free angles to say
         // which plans are good: each is improved on the table itself.
@@ -248,7 +248,7 @@ impl Context<'_> {
     fn shown_criterion(&self, refined: &Refined) -> Option<f64> {
         let weight = self.evaluator.objective().covariance_weight;
         (weight > 0.0).then(|| {
-            let timeline = refined.plan.timeline(self.evaluator.platform());
+            let timeline = refined.plan.timeline(self.evaluator.test());
             let covariance_part = refined.merit - self.evaluator.separability_part(&timeline);
             libm::exp(covariance_part / weight)
         })

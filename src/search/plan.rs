@@ -3,8 +3,7 @@
 use super::ways::{in_deg, tidied};
 use crate::attitude::Position;
 use crate::error::Result;
-use crate::motion::Timeline;
-use crate::platform::Platform;
+use crate::motion::{Test, Timeline};
 use crate::schedule::{Schedule, ScheduledPosition};
 
 /// Times that differ by this share of the total are equal but for rounding.
@@ -41,24 +40,24 @@ impl Plan {
         })
     }
 
-    /// The plan as a timeline of `platform`.
-    pub fn timeline(&self, platform: &Platform) -> Timeline {
-        Timeline::unchecked(platform, self.entries())
+    /// The plan as a timeline of `test`.
+    pub fn timeline(&self, test: &Test) -> Timeline {
+        Timeline::unchecked(test, self.entries())
     }
 
-    /// The plan as a schedule for `platform`: unlimited axes in (−180°, 180°], ways only where
+    /// The plan as a schedule for `test`: unlimited axes in (−180°, 180°], ways only where
     /// they are not the short ones.
     ///
     /// # Errors
     ///
     /// As [`Schedule::new`].
-    pub fn to_schedule(&self, platform: &Platform) -> Result<Schedule> {
-        Schedule::new(tidied(platform, self.entries()))
+    pub fn to_schedule(&self, test: &Test) -> Result<Schedule> {
+        Schedule::new(tidied(test, self.entries()))
     }
 
     /// Time in moves and settles, s.
-    pub fn overhead_s(&self, platform: &Platform) -> f64 {
-        self.timeline(platform).overhead_s()
+    pub fn overhead_s(&self, test: &Test) -> f64 {
+        self.timeline(test).overhead_s()
     }
 
     /// The plan without position `index`.
@@ -70,24 +69,24 @@ impl Plan {
 
     /// The plan with every move from position to position shorter by `share` of it: all positions
     /// closer to the place the plan begins at, and so within the ranges too.
-    pub fn with_shorter_moves(&self, platform: &Platform, share: f64) -> Self {
-        let mut angles = self.unwound(platform);
+    pub fn with_shorter_moves(&self, test: &Test, share: f64) -> Self {
+        let mut angles = self.unwound(test);
         let Some(&first) = angles.first() else {
             return self.clone();
         };
-        let first = platform.standing().map_or(first, Position::to_array);
+        let first = test.standing().map_or(first, Position::to_array);
         for (angle, first) in angles.iter_mut().flat_map(|a| a.iter_mut().zip(first)) {
             *angle -= share * (*angle - first);
         }
-        Self::of_unwound(platform, angles, self.dwell_s.clone())
+        Self::of_unwound(test, angles, self.dwell_s.clone())
     }
 
     /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
     /// minimum; none when that is impossible.
-    pub fn fitted(mut self, platform: &Platform, total_time_s: f64) -> Option<Self> {
-        let min_dwell_s = platform.shortest_dwell_s();
+    pub fn fitted(mut self, test: &Test, total_time_s: f64) -> Option<Self> {
+        let min_dwell_s = test.platform().shortest_dwell_s();
         let count = self.angles.len() as f64;
-        let budget = total_time_s - self.overhead_s(platform);
+        let budget = total_time_s - self.overhead_s(test);
         let spare = budget - count * min_dwell_s;
         if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
             return None;

@@ -14,7 +14,7 @@ use super::still::still;
 use crate::attitude::{Attitude, Position};
 use crate::error::Result;
 use crate::evaluate::Evaluator;
-use crate::motion::{equivalent_positions, gimbal_change, quickest_positions};
+use crate::motion::{Test, equivalent_positions, gimbal_change, quickest_positions};
 use crate::platform::Platform;
 use crate::schedule::standard::StandardScheme;
 
@@ -40,24 +40,24 @@ pub(super) fn starts_while(
     problem: &SearchProblem,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Vec<Plan>> {
-    let platform = evaluator.platform();
-    LeastTime::of(platform).check(problem.total_time_s)?;
+    let test = evaluator.test();
+    LeastTime::of(test).check(problem.total_time_s)?;
     let mut starts: Vec<Plan> = (0..problem.starts.max(1))
         .take_while(|k| *k == 0 || go_on())
-        .filter_map(|k| start(platform, problem, k))
+        .filter_map(|k| start(test, problem, k))
         .collect();
     // Staying is always possible, however little time there is for moves.
-    if platform.standing().is_some() && platform.motion().slew_rate_rad_per_s.is_some() {
-        let stay = still(platform);
-        starts.extend(stay.and_then(|stay| stay.fitted(platform, problem.total_time_s)));
+    if test.standing().is_some() && test.platform().motion().slew_rate_rad_per_s.is_some() {
+        let stay = still(test);
+        starts.extend(stay.and_then(|stay| stay.fitted(test, problem.total_time_s)));
     }
     // The standard schemes too, so that no recommendation is worse than they are.
-    starts.extend(standard_starts(platform, problem));
+    starts.extend(standard_starts(test, problem));
     Ok(starts)
 }
 
 /// The standard schemes that the platform can take in the time, within the most positions.
-fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
+fn standard_starts(test: &Test, problem: &SearchProblem) -> Vec<Plan> {
     StandardScheme::ALL
         .into_iter()
         .map(StandardScheme::positions)
@@ -65,18 +65,19 @@ fn standard_starts(platform: &Platform, problem: &SearchProblem) -> Vec<Plan> {
         .filter(|positions| {
             positions
                 .iter()
-                .all(|p| within_ranges(platform, *p).is_some())
+                .all(|p| within_ranges(test.platform(), *p).is_some())
         })
         .filter_map(|positions| {
-            let quickest = quickest_positions(platform, &positions);
+            let quickest = quickest_positions(test, &positions);
             let angles: Vec<[f64; 3]> = quickest.into_iter().map(Position::to_array).collect();
             let dwell_s = vec![problem.total_time_s; angles.len()];
-            Plan::new(angles, dwell_s).fitted(platform, problem.total_time_s)
+            Plan::new(angles, dwell_s).fitted(test, problem.total_time_s)
         })
         .collect()
 }
 
-fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Option<Plan> {
+fn start(test: &Test, problem: &SearchProblem, k: usize) -> Option<Plan> {
+    let platform = test.platform();
     let mut random = ChaCha8Rng::seed_from_u64(problem.seed);
     random.set_stream(k as u64);
     let most = problem.max_positions.clamp(1, LARGEST_START);
@@ -95,14 +96,14 @@ fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Option<Plan>
     if platform.motion().slew_rate_rad_per_s.is_some() && k % 2 == 1 {
         order_by_nearest(platform, &mut positions);
     }
-    positions = quickest_positions(platform, &positions);
+    positions = quickest_positions(test, &positions);
     let whole = Plan::new(
         positions.iter().map(|p| p.to_array()).collect(),
         vec![problem.total_time_s; positions.len()],
     );
     // A little spare time, so that the first steps have room.
-    let with_room = |plan: Plan| plan.fitted(platform, 0.95 * problem.total_time_s);
-    let full = |plan: Plan| plan.fitted(platform, problem.total_time_s);
+    let with_room = |plan: Plan| plan.fitted(test, 0.95 * problem.total_time_s);
+    let full = |plan: Plan| plan.fitted(test, problem.total_time_s);
     let first_ones = |count: usize| {
         Plan::new(
             whole.angles[..count].to_vec(),
@@ -115,8 +116,8 @@ fn start(platform: &Platform, problem: &SearchProblem, k: usize) -> Option<Plan>
     (fewest..=positions.len())
         .rev()
         .find_map(|count| with_room(first_ones(count)))
-        .or_else(|| brought_within(platform, &whole, with_room))
-        .or_else(|| brought_within(platform, &whole, full))
+        .or_else(|| brought_within(test, &whole, with_room))
+        .or_else(|| brought_within(test, &whole, full))
 }
 
 /// A rotation drawn from the uniform (Haar) distribution: a normalised quaternion of normals.
@@ -229,8 +230,8 @@ mod tests {
             ..SearchProblem::default()
         };
         for plan in starts(&evaluator, &problem).unwrap() {
-            let schedule = plan.to_schedule(evaluator.platform()).unwrap();
-            let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
+            let schedule = plan.to_schedule(evaluator.test()).unwrap();
+            let timeline = Timeline::new(evaluator.test(), &schedule).unwrap();
             assert!(timeline.total_time_s() <= 4000.0 + 1e-6);
             assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));
         }
@@ -280,12 +281,12 @@ mod tests {
     fn both_triples_of_an_attitude_are_tried() {
         let evaluator = evaluator(|c| c.gimbals.alpha_deg = Some([100.0, 200.0]));
         let position = Position::from_deg(-20.0, 10.0, 30.0);
-        let found = within_ranges(evaluator.platform(), position).unwrap();
+        let found = within_ranges(evaluator.test().platform(), position).unwrap();
         let difference = found.attitude().matrix() - position.attitude().matrix();
         assert!(difference.amax() < 1e-14);
         assert!((found.to_deg()[0] - 160.0).abs() < 1e-9);
         let narrow = self::evaluator(|c| c.gimbals.alpha_deg = Some([10.0, 20.0]));
-        assert!(within_ranges(narrow.platform(), position).is_none());
+        assert!(within_ranges(narrow.test().platform(), position).is_none());
     }
 
     #[test]

@@ -39,8 +39,8 @@ pub(crate) fn refine(
     smoothing: Smoothing,
     iterations: u64,
 ) -> Option<Refined> {
-    let platform = context.evaluator.platform();
-    let variables = Variables::angles_and_dwells(platform, context.problem.total_time_s);
+    let test = context.evaluator.test();
+    let variables = Variables::angles_and_dwells(test, context.problem.total_time_s);
     refine_in(context, &variables, plan, smoothing, iterations)
 }
 
@@ -51,8 +51,8 @@ pub(crate) fn refine_angles(
     smoothing: Smoothing,
     iterations: u64,
 ) -> Option<Refined> {
-    let platform = context.evaluator.platform();
-    let variables = Variables::angles_only(platform, plan.dwell_s.clone());
+    let test = context.evaluator.test();
+    let variables = Variables::angles_only(test, plan.dwell_s.clone());
     refine_in(context, &variables, plan, smoothing, iterations)
 }
 
@@ -159,8 +159,7 @@ mod tests {
             // Screened: near enough to a minimum that both should come to the same one.
             let plans = starts(&evaluator, &problem).unwrap();
             let screened = refine_all(context, plans, smoothing, 90);
-            let variables =
-                Variables::angles_and_dwells(evaluator.platform(), problem.total_time_s);
+            let variables = Variables::angles_and_dwells(evaluator.test(), problem.total_time_s);
             let merit = MeritOf {
                 context,
                 variables: &variables,

@@ -56,7 +56,7 @@ pub(super) fn with_quickest_positions(context: Context<'_>, mut plan: Plan) -> P
         .iter()
         .map(|a| Position::from_array(*a))
         .collect();
-    plan.set_positions(quickest_positions(context.evaluator.platform(), &positions));
+    plan.set_positions(quickest_positions(context.evaluator.test(), &positions));
     plan
 }
 
@@ -124,12 +124,12 @@ fn estimated(
         return Vec::new();
     }
     let evaluator = context.evaluator;
-    let (platform, total_time_s) = (evaluator.platform(), context.problem.total_time_s);
+    let (test, total_time_s) = (evaluator.test(), context.problem.total_time_s);
     let plans: Vec<Plan> = plans
-        .filter_map(|plan| plan.fitted(platform, total_time_s))
+        .filter_map(|plan| plan.fitted(test, total_time_s))
         .collect();
     context.work.count_evaluations(plans.len() as u64);
-    let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(platform)).collect();
+    let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(test)).collect();
     let merits = evaluator.merits(&timelines, smoothing);
     // An order whose merit cannot be computed is no candidate.
     let all = merits.into_iter().zip(plans);

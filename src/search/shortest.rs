@@ -61,7 +61,7 @@ pub fn shortest(
         },
         ..objective.clone()
     };
-    let evaluator = &Evaluator::new(evaluator.platform().clone(), objective);
+    let evaluator = &Evaluator::new(evaluator.test().clone(), objective);
     let work = WorkDone::default();
     if let Some(known) = nothing_to_find(evaluator, problem, control, &work)? {
         return Ok(known);
@@ -87,7 +87,7 @@ pub fn shortest(
     control.report(Phase::Checking, 1, 1, None);
     let schedule = match root.turning(&plan) {
         Some(turning) => turning,
-        None => plan.to_schedule(evaluator.platform())?,
+        None => plan.to_schedule(evaluator.test())?,
     };
     let mut outcome = conclude(evaluator, control, &work, schedule)?;
     if outcome.status == Status::Converged {
@@ -116,7 +116,7 @@ impl RootSearch<'_> {
 
     /// Narrows [infeasible, feasible] around the shortest time, keeping the feasible end.
     fn narrow(&self, longest: Candidate) -> Result<Candidate> {
-        let shortest_s = LeastTime::of(self.context.evaluator.platform()).total_s();
+        let shortest_s = LeastTime::of(self.context.evaluator.test()).total_s();
         let log_ratio = |c: &Candidate| libm::log(c.criterion.max(f64::MIN_POSITIVE));
         let mut high = (
             libm::log(self.context.problem.total_time_s),
@@ -163,7 +163,7 @@ impl RootSearch<'_> {
 
     /// Takes off whole periods, where it costs least, as long as the specification holds.
     fn trim(&self, mut plan: Plan) -> Plan {
-        let platform = self.context.evaluator.platform();
+        let platform = self.context.evaluator.test().platform();
         let period = platform.period_s;
         let shortest_s = platform.shortest_dwell_s();
         loop {
@@ -187,8 +187,8 @@ impl RootSearch<'_> {
         if !self.context.problem.allow_tumbling {
             return None;
         }
-        let platform = self.context.evaluator.platform();
-        let mut shortest_s = plan.timeline(platform).total_time_s();
+        let test = self.context.evaluator.test();
+        let mut shortest_s = plan.timeline(test).total_time_s();
         let mut trial_s = shortest_s;
         let mut best = None;
         for _ in 0..TURNING_STEPS {
@@ -199,7 +199,7 @@ impl RootSearch<'_> {
                 total_time_s: trial_s,
                 ..self.context.problem.clone()
             };
-            let turned = plan.clone().fitted(platform, trial_s);
+            let turned = plan.clone().fitted(test, trial_s);
             match turned.and_then(|plan| tumble(self.context.on(&problem), &plan)) {
                 Some((ratio, schedule)) if ratio <= 1.0 => {
                     best = Some(schedule);
@@ -210,7 +210,7 @@ impl RootSearch<'_> {
                 _ if best.is_some() => trial_s = 0.5 * (trial_s + shortest_s),
                 _ => break,
             }
-            if shortest_s - trial_s < platform.period_s {
+            if shortest_s - trial_s < test.platform().period_s {
                 break;
             }
         }
@@ -220,7 +220,7 @@ impl RootSearch<'_> {
     /// The largest ratio of a σ to its specification, by the filter's own tick rule.
     fn ratio(&self, plan: &Plan) -> Option<f64> {
         self.context.work.count_evaluations(1);
-        let timeline = plan.timeline(self.context.evaluator.platform());
+        let timeline = plan.timeline(self.context.evaluator.test());
         // A plan whose ratio cannot be computed meets nothing.
         let found = self.context.evaluator.end_with_criterion(&timeline);
         Some(found.ok()?.1)
@@ -232,9 +232,7 @@ impl RootSearch<'_> {
             self.context.evaluator,
             self.context.control,
             self.context.work,
-            longest
-                .plan
-                .to_schedule(self.context.evaluator.platform())?,
+            longest.plan.to_schedule(self.context.evaluator.test())?,
         )?;
         let enough = match self.time_needed(longest) {
             Ok(Some(t)) => EnoughTime::Found(t),

@@ -4,28 +4,26 @@ use super::index_table::IndexTable;
 use super::plan::Plan;
 use crate::attitude::Position;
 use crate::error::{Error, Result};
-use crate::motion::equivalent_positions;
+use crate::motion::{Test, equivalent_positions};
 use crate::platform::{GimbalRange, Platform};
 use crate::schedule::Schedule;
 
 /// The plan that does nothing but hold one position: where the platform stands, or any that it can
 /// take. None only on an index table without a setting.
-pub(super) fn still(platform: &Platform) -> Option<Plan> {
-    let position = match platform.standing() {
+pub(super) fn still(test: &Test) -> Option<Plan> {
+    let position = match test.standing() {
         Some(position) => position,
-        None => anywhere(platform)?,
+        None => anywhere(test.platform())?,
     };
     Some(Plan::new(
         vec![position.to_array()],
-        vec![platform.shortest_dwell_s()],
+        vec![test.platform().shortest_dwell_s()],
     ))
 }
 
 /// The same as a schedule of the least time.
-pub(super) fn stillest(platform: &Platform) -> Result<Schedule> {
-    still(platform)
-        .ok_or_else(no_setting)?
-        .to_schedule(platform)
+pub(super) fn stillest(test: &Test) -> Result<Schedule> {
+    still(test).ok_or_else(no_setting)?.to_schedule(test)
 }
 
 /// No position can be set.

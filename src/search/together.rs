@@ -88,8 +88,8 @@ pub(super) fn refine_side_by_side(
     iterations: u64,
     mut hand_over: impl FnMut(Outcome),
 ) {
-    let platform = context.evaluator.platform();
-    let variables = Variables::angles_and_dwells(platform, context.problem.total_time_s);
+    let test = context.evaluator.test();
+    let variables = Variables::angles_and_dwells(test, context.problem.total_time_s);
     let mut waiting: VecDeque<(usize, Plan)> = plans.into_iter().enumerate().collect();
     let mut active: Vec<Active> = Vec::with_capacity(SIDE_BY_SIDE);
     loop {

@@ -18,7 +18,7 @@ use super::ways::{in_deg, straight_ways, tidied};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::criterion::Smoothing;
-use crate::motion::Timeline;
+use crate::motion::{Test, Timeline};
 use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition};
 
@@ -40,14 +40,14 @@ struct TurningPlan {
 }
 
 impl TurningPlan {
-    fn timeline(&self, platform: &Platform) -> Timeline {
-        Timeline::unchecked(platform, self.entries(platform).into_iter())
+    fn timeline(&self, test: &Test) -> Timeline {
+        Timeline::unchecked(test, self.entries(test).into_iter())
     }
 
     /// Two entries per segment, turning or not.
-    fn entries(&self, platform: &Platform) -> Vec<ScheduledPosition> {
+    fn entries(&self, test: &Test) -> Vec<ScheduledPosition> {
         let angles = self.ends.as_flattened();
-        let ways = straight_ways(platform, angles);
+        let ways = straight_ways(test, angles);
         let places = angles.iter().zip(ways).enumerate();
         let entries = places.map(|(i, (angles, way))| {
             let turns = (i % 2 == 1).then_some(self.duration_s[i / 2]);
@@ -77,9 +77,9 @@ impl TurningPlan {
     }
 
     /// As a schedule; segments that hardly turn are plain dwells.
-    fn to_schedule(&self, platform: &Platform) -> Option<Schedule> {
+    fn to_schedule(&self, test: &Test) -> Option<Schedule> {
         let mut positions = Vec::new();
-        for (k, pair) in self.entries(platform).chunks_exact(2).enumerate() {
+        for (k, pair) in self.entries(test).chunks_exact(2).enumerate() {
             if self.turn(k) < STILL_RAD {
                 let dwell_s = self.duration_s[k];
                 positions.push(ScheduledPosition { dwell_s, ..pair[0] });
@@ -87,27 +87,27 @@ impl TurningPlan {
                 positions.extend_from_slice(pair);
             }
         }
-        Schedule::new(tidied(platform, positions.into_iter())).ok()
+        Schedule::new(tidied(test, positions.into_iter())).ok()
     }
 }
 
 /// The variables of a turning plan; always takes the total time.
 struct TurningVariables<'a> {
-    platform: &'a Platform,
+    test: &'a Test,
     maps: [AngleMap; 3],
     total_time_s: f64,
 }
 
 impl TurningVariables<'_> {
     fn encode(&self, plan: &TurningPlan) -> Vec<f64> {
-        let shortest_s = self.platform.shortest_dwell_s();
+        let shortest_s = self.test.platform().shortest_dwell_s();
         let mut x = Vec::with_capacity(PER_SEGMENT * plan.ends.len());
         for (ends, duration) in plan.ends.iter().zip(&plan.duration_s) {
             for angles in ends {
                 x.extend((0..3).map(|axis| self.maps[axis].variable(angles[axis])));
             }
             x.push(libm::log(
-                (duration - shortest_s).max(0.1 * self.platform.period_s),
+                (duration - shortest_s).max(0.1 * self.test.platform().period_s),
             ));
         }
         x
@@ -124,18 +124,18 @@ impl TurningVariables<'_> {
             ends,
         };
         let spare = self.spare(&plan)?;
-        let shortest_s = self.platform.shortest_dwell_s();
+        let shortest_s = self.test.platform().shortest_dwell_s();
         for (duration, share) in plan.duration_s.iter_mut().zip(shares(x, PER_SEGMENT)) {
             *duration = shortest_s + spare * share;
         }
-        plan.is_slow_enough(self.platform).then_some(plan)
+        plan.is_slow_enough(self.test.platform()).then_some(plan)
     }
 
     /// What jumps, settles and shortest segments leave of the total time.
     fn spare(&self, plan: &TurningPlan) -> Option<f64> {
         let turning: f64 = plan.duration_s.iter().sum();
-        let jumps = plan.timeline(self.platform).total_time_s() - turning;
-        let shortest = plan.ends.len() as f64 * self.platform.shortest_dwell_s();
+        let jumps = plan.timeline(self.test).total_time_s() - turning;
+        let shortest = plan.ends.len() as f64 * self.test.platform().shortest_dwell_s();
         let spare = self.total_time_s - jumps - shortest;
         (spare > 0.0).then_some(spare)
     }
@@ -143,7 +143,7 @@ impl TurningVariables<'_> {
 
 impl Coordinates for TurningVariables<'_> {
     fn timeline(&self, x: &[f64]) -> Option<Timeline> {
-        Some(self.decode(x)?.timeline(self.platform))
+        Some(self.decode(x)?.timeline(self.test))
     }
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
@@ -160,9 +160,16 @@ impl Coordinates for TurningVariables<'_> {
         // Jumps, start and return take their time from the segments.
         let is_segment = |k: &usize| held.contains(k) && (k - held.start) % 2 == 1;
         let jumps = (1..timeline.legs().len()).filter(|k| !is_segment(k));
-        add_move_times(self.platform, timeline, legs, jumps, mean, &mut angles);
+        add_move_times(
+            self.test.platform(),
+            timeline,
+            legs,
+            jumps,
+            mean,
+            &mut angles,
+        );
         add_return(timeline, &mut angles);
-        let shortest_s = self.platform.shortest_dwell_s();
+        let shortest_s = self.test.platform().shortest_dwell_s();
         let ends = timeline.position_legs().iter().skip(1).step_by(2);
         let spare: f64 = ends.map(|leg| leg.duration_s() - shortest_s).sum();
         let mut gradient = Vec::with_capacity(x.len());
@@ -183,13 +190,13 @@ impl Coordinates for TurningVariables<'_> {
 /// The schedule that turns during the dwells of `plan`, with the criterion it reaches by the
 /// filter's own tick rule; none when it comes to nothing.
 pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule)> {
-    let platform = context.evaluator.platform();
+    let test = context.evaluator.test();
     let variables = TurningVariables {
-        platform,
-        maps: platform.gimbals().ranges.map(AngleMap::new),
+        test,
+        maps: test.platform().gimbals().ranges.map(AngleMap::new),
         total_time_s: context.problem.total_time_s,
     };
-    let unwound = plan.unwound(platform);
+    let unwound = plan.unwound(test);
     let turns = unwound.iter().enumerate().map(|(k, start)| {
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
         let step = sign * FIRST_TURN_RAD;
@@ -210,27 +217,24 @@ pub(super) fn tumble(context: Context<'_>, plan: &Plan) -> Option<(f64, Schedule
         smoothing,
         ITERATIONS,
     )?;
-    let rounded = round(
-        platform,
-        context.problem.total_time_s,
-        &variables.decode(&x)?,
-    )?;
-    let schedule = rounded.to_schedule(platform)?;
+    let rounded = round(test, context.problem.total_time_s, &variables.decode(&x)?)?;
+    let schedule = rounded.to_schedule(test)?;
     // A programme that the platform refuses, or that cannot be evaluated, is no candidate.
-    let timeline = Timeline::new(platform, &schedule).ok()?;
+    let timeline = Timeline::new(test, &schedule).ok()?;
     context.work.count_evaluations(1);
     let (_, criterion) = context.evaluator.end_with_criterion(&timeline).ok()?;
     Some((criterion, schedule))
 }
 
 /// Angles to the stand's resolution, durations to whole periods within the total time.
-fn round(platform: &Platform, total_time_s: f64, plan: &TurningPlan) -> Option<TurningPlan> {
+fn round(test: &Test, total_time_s: f64, plan: &TurningPlan) -> Option<TurningPlan> {
+    let platform = test.platform();
     let mut rounded = plan.clone();
     for angles in rounded.ends.iter_mut().flatten() {
         *angles = round_angles(platform, *angles);
     }
     let turning: f64 = rounded.duration_s.iter().sum();
-    let jumps = rounded.timeline(platform).total_time_s() - turning;
+    let jumps = rounded.timeline(test).total_time_s() - turning;
     rounded.duration_s = whole_periods(platform, &rounded.duration_s, total_time_s - jumps)?;
     rounded.is_slow_enough(platform).then_some(rounded)
 }
@@ -251,10 +255,10 @@ mod tests {
         config.motion.start_deg = Some([10.0, -20.0, 30.0]);
         config.motion.return_to_start = true;
         let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
-        let platform = evaluator.platform();
+        let test = evaluator.test();
         let variables = TurningVariables {
-            platform,
-            maps: platform.gimbals().ranges.map(AngleMap::new),
+            test,
+            maps: test.platform().gimbals().ranges.map(AngleMap::new),
             total_time_s: 5000.0,
         };
         let start = |k: f64| [1.3 * k - 4.0, (0.9 * k).sin() * 0.8, 2.0 - 0.7 * k];

@@ -10,8 +10,7 @@
 use super::plan::Plan;
 use super::ways::{straight_ways, ways_count};
 use crate::attitude::{Degrees, NanoDegrees, Position};
-use crate::motion::way;
-use crate::platform::Platform;
+use crate::motion::{Test, way};
 
 /// Where moves take time, changes of at least this are tried the other way round: 120°.
 const NEAR_HALF_TURN: NanoDegrees = NanoDegrees::new(120_000_000_000);
@@ -20,22 +19,26 @@ const ANY_TURN: NanoDegrees = NanoDegrees::new(1);
 
 impl Plan {
     /// How the gimbals turn on the way to each position; none where nothing precedes it.
-    fn changes(&self, platform: &Platform) -> Vec<Option<[Degrees; 3]>> {
-        let mut from = platform.standing();
+    fn changes(&self, test: &Test) -> Vec<Option<[Degrees; 3]>> {
+        let mut from = test.standing();
         let entries = self.entries();
         let change = entries.map(|p| {
             let before = from.replace(p.position)?;
-            Some(way(platform, before, p.position, p.change_deg))
+            Some(way(test.platform(), before, p.position, p.change_deg))
         });
         change.collect()
     }
 
     /// The angles of each position, rad, with the whole turns that the way from the position before
     /// gives them: the way is their difference.
-    pub(super) fn unwound(&self, platform: &Platform) -> Vec<[f64; 3]> {
-        let limited = platform.gimbals().ranges.map(|range| range.is_some());
-        let mut at = platform.standing().map(Position::to_array);
-        let steps = self.angles.iter().zip(self.changes(platform));
+    pub(super) fn unwound(&self, test: &Test) -> Vec<[f64; 3]> {
+        let limited = test
+            .platform()
+            .gimbals()
+            .ranges
+            .map(|range| range.is_some());
+        let mut at = test.standing().map(Position::to_array);
+        let steps = self.angles.iter().zip(self.changes(test));
         steps
             .map(|(angles, change)| {
                 let mut placed = *angles;
@@ -51,12 +54,8 @@ impl Plan {
     }
 
     /// The plan of angles that are not wrapped.
-    pub(super) fn of_unwound(
-        platform: &Platform,
-        angles: Vec<[f64; 3]>,
-        dwell_s: Vec<f64>,
-    ) -> Self {
-        let ways = straight_ways(platform, &angles);
+    pub(super) fn of_unwound(test: &Test, angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Self {
+        let ways = straight_ways(test, &angles);
         Self {
             angles,
             dwell_s,
@@ -133,7 +132,8 @@ impl Plan {
 
     /// The plans in which one gimbal turns the other way round on one move, where that counts: those
     /// of the moves near a half turn, or of all where moves take no time.
-    pub(super) fn other_ways(&self, platform: &Platform) -> Vec<Self> {
+    pub(super) fn other_ways(&self, test: &Test) -> Vec<Self> {
+        let platform = test.platform();
         if !ways_count(platform) {
             return Vec::new();
         }
@@ -143,7 +143,7 @@ impl Plan {
         };
         let ranges = platform.gimbals().ranges;
         let mut others = Vec::new();
-        for (k, change) in self.changes(platform).into_iter().enumerate() {
+        for (k, change) in self.changes(test).into_iter().enumerate() {
             let Some(change) = change else { continue };
             for axis in (0..3).filter(|axis| ranges[*axis].is_none()) {
                 if change[axis].nano.abs() < least {
@@ -169,11 +169,11 @@ mod tests {
     use crate::motion::Timeline;
     use crate::platform::PlatformConfig;
 
-    fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
+    fn test(change: impl FnOnce(&mut PlatformConfig)) -> Test {
         let mut config = PlatformConfig::default();
         config.motion.slew_rate_deg_per_s = Some(0.5);
         change(&mut config);
-        config.check().unwrap()
+        config.check().unwrap().into()
     }
 
     fn plan(alphas: &[f64]) -> Plan {
@@ -183,14 +183,14 @@ mod tests {
     }
 
     /// Changes of α on the way to each position but the first, degrees.
-    fn turns(platform: &Platform, plan: &Plan) -> Vec<f64> {
-        let changes = plan.changes(platform).into_iter().flatten();
+    fn turns(test: &Test, plan: &Plan) -> Vec<f64> {
+        let changes = plan.changes(test).into_iter().flatten();
         changes.map(|change| change[0].deg()).collect()
     }
 
     #[test]
     fn the_other_way_round_is_offered_near_a_half_turn_only() {
-        let free = platform(|_| {});
+        let free = test(|_| {});
         let plan = plan(&[30.0, 210.0, 90.0, 100.0]);
         assert_eq!(turns(&free, &plan), [180.0, -120.0, 10.0]);
         let others = plan.other_ways(&free);
@@ -203,41 +203,41 @@ mod tests {
                 .iter()
                 .any(|again| { turns(&free, again) == turns(&free, &plan) })
         );
-        let limited = platform(|c| c.gimbals.alpha_deg = Some([-400.0, 400.0]));
+        let limited = test(|c| c.gimbals.alpha_deg = Some([-400.0, 400.0]));
         assert!(plan.other_ways(&limited).is_empty());
-        let at_once = platform(|c| c.motion.slew_rate_deg_per_s = None);
+        let at_once = test(|c| c.motion.slew_rate_deg_per_s = None);
         assert!(plan.other_ways(&at_once).is_empty());
     }
 
     #[test]
     fn ways_survive_unwinding_rounding_and_the_file() {
-        let platform = platform(|c| c.motion.start_deg = Some([-100.0, 0.0, 0.0]));
+        let test = test(|c| c.motion.start_deg = Some([-100.0, 0.0, 0.0]));
         let mut plan = plan(&[30.0, 210.0, 90.0, 100.0]);
-        plan = plan.other_ways(&platform)[1].clone();
+        plan = plan.other_ways(&test)[1].clone();
         let expected = [130.0, -180.0, -120.0, 10.0];
-        assert_eq!(turns(&platform, &plan), expected);
-        let unwound = plan.unwound(&platform);
+        assert_eq!(turns(&test, &plan), expected);
+        let unwound = plan.unwound(&test);
         assert!((deg_of_rad(unwound[2][0]) + 270.0).abs() < 1e-9);
-        let again = Plan::of_unwound(&platform, unwound, plan.dwell_s.clone());
-        assert_eq!(turns(&platform, &again), expected);
+        let again = Plan::of_unwound(&test, unwound, plan.dwell_s.clone());
+        assert_eq!(turns(&test, &again), expected);
         for plan in [plan, again] {
-            let schedule = plan.to_schedule(&platform).unwrap();
+            let schedule = plan.to_schedule(&test).unwrap();
             let said = schedule.positions().iter().map(|p| p.change_deg);
             let half = Some([-180.0, 0.0, 0.0]);
             assert_eq!(said.collect::<Vec<_>>(), [None, half, None, None]);
             let alphas = schedule.positions().iter().map(|p| p.position.to_deg()[0]);
             assert_eq!(alphas.collect::<Vec<_>>(), [30.0, -150.0, 90.0, 100.0]);
-            let timeline = Timeline::new(&platform, &schedule).unwrap();
+            let timeline = Timeline::new(&test, &schedule).unwrap();
             assert_eq!(
                 timeline.legs()[2].arrival,
-                plan.timeline(&platform).legs()[2].arrival
+                plan.timeline(&test).legs()[2].arrival
             );
         }
     }
 
     #[test]
     fn changed_orders_keep_the_ways_that_are_left() {
-        let free = platform(|_| {});
+        let free = test(|_| {});
         let mut long = plan(&[0.0, 10.0, 150.0, 100.0, 60.0]);
         long.ways[2] = Some([f64::to_radians(-220.0), 0.0, 0.0]);
         assert_eq!(turns(&free, &long), [10.0, -220.0, -50.0, -40.0]);

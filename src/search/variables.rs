@@ -9,7 +9,7 @@
 
 use super::plan::Plan;
 use crate::covariance::gradient::LegGradient;
-use crate::motion::Timeline;
+use crate::motion::{Test, Timeline};
 use crate::platform::{GimbalRange, Platform};
 
 /// Free variables behind a timeline.
@@ -67,7 +67,7 @@ impl AngleMap {
 /// The map between free variables (four per position: u_α, u_β, u_γ, z) and plans.
 #[derive(Debug, Clone)]
 pub struct Variables<'a> {
-    platform: &'a Platform,
+    test: &'a Test,
     maps: [AngleMap; 3],
     total_time_s: f64,
     /// Dwells that stay as they are; none: dwells vary too.
@@ -79,20 +79,20 @@ const PER_POSITION: usize = 4;
 
 impl<'a> Variables<'a> {
     /// Angles and dwells vary; the plan always takes `total_time_s`.
-    pub fn angles_and_dwells(platform: &'a Platform, total_time_s: f64) -> Self {
+    pub fn angles_and_dwells(test: &'a Test, total_time_s: f64) -> Self {
         Self {
-            platform,
-            maps: platform.gimbals().ranges.map(AngleMap::new),
+            test,
+            maps: test.platform().gimbals().ranges.map(AngleMap::new),
             total_time_s,
             fixed_dwell_s: None,
         }
     }
 
     /// Only the angles vary; for platforms whose moves take no time of their own.
-    pub fn angles_only(platform: &'a Platform, dwell_s: Vec<f64>) -> Self {
+    pub fn angles_only(test: &'a Test, dwell_s: Vec<f64>) -> Self {
         Self {
             fixed_dwell_s: Some(dwell_s),
-            ..Self::angles_and_dwells(platform, f64::INFINITY)
+            ..Self::angles_and_dwells(test, f64::INFINITY)
         }
     }
 
@@ -103,14 +103,14 @@ impl<'a> Variables<'a> {
 
     /// The variables of `plan`.
     pub fn encode(&self, plan: &Plan) -> Vec<f64> {
-        let min_dwell_s = self.platform.shortest_dwell_s();
+        let min_dwell_s = self.test.platform().shortest_dwell_s();
         let mut x = Vec::with_capacity(PER_POSITION * plan.angles.len());
-        for (angles, dwell) in plan.unwound(self.platform).iter().zip(&plan.dwell_s) {
+        for (angles, dwell) in plan.unwound(self.test).iter().zip(&plan.dwell_s) {
             for (map, angle) in self.maps.iter().zip(angles) {
                 x.push(map.variable(*angle));
             }
             // A dwell at the minimum has z = −∞; a period stands in for zero.
-            let above = (dwell - min_dwell_s).max(0.1 * self.platform.period_s());
+            let above = (dwell - min_dwell_s).max(0.1 * self.test.platform().period_s());
             x.push(libm::log(above));
         }
         x
@@ -123,12 +123,12 @@ impl<'a> Variables<'a> {
             .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
-            return Some(Plan::of_unwound(self.platform, angles, dwell_s.clone()));
+            return Some(Plan::of_unwound(self.test, angles, dwell_s.clone()));
         }
         let count = angles.len();
-        let mut plan = Plan::of_unwound(self.platform, angles, vec![0.0; count]);
-        let min_dwell_s = self.platform.shortest_dwell_s();
-        let spare = self.total_time_s - plan.overhead_s(self.platform) - count as f64 * min_dwell_s;
+        let mut plan = Plan::of_unwound(self.test, angles, vec![0.0; count]);
+        let min_dwell_s = self.test.platform().shortest_dwell_s();
+        let spare = self.total_time_s - plan.overhead_s(self.test) - count as f64 * min_dwell_s;
         if spare.is_nan() || spare <= 0.0 {
             return None;
         }
@@ -141,7 +141,7 @@ impl<'a> Variables<'a> {
 
 impl Coordinates for Variables<'_> {
     fn timeline(&self, x: &[f64]) -> Option<Timeline> {
-        Some(self.decode(x)?.timeline(self.platform))
+        Some(self.decode(x)?.timeline(self.test))
     }
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
@@ -159,7 +159,7 @@ impl Coordinates for Variables<'_> {
         };
         let moves = 1..timeline.legs().len();
         add_move_times(
-            self.platform,
+            self.test.platform(),
             timeline,
             legs,
             moves,
@@ -169,7 +169,7 @@ impl Coordinates for Variables<'_> {
         add_return(timeline, &mut angles);
         let spare: f64 = match vary_dwells {
             true => {
-                let min_dwell_s = self.platform.shortest_dwell_s();
+                let min_dwell_s = self.test.platform().shortest_dwell_s();
                 let dwells = timeline.position_legs().iter();
                 dwells.map(|l| l.dwell_s - min_dwell_s).sum()
             }
@@ -269,26 +269,26 @@ mod tests {
     #[test]
     fn every_point_is_within_the_limits_and_takes_the_total_time() {
         let evaluator = evaluator(true);
-        let variables = Variables::angles_and_dwells(evaluator.platform(), 9000.0);
+        let variables = Variables::angles_and_dwells(evaluator.test(), 9000.0);
         let mut x = variables.encode(&sample_plan());
         for (i, v) in x.iter_mut().enumerate() {
             *v += (3.0 * i as f64).sin() * 0.2;
         }
         let plan = variables.decode(&x).unwrap();
-        let schedule = plan.to_schedule(evaluator.platform()).unwrap();
-        let timeline = Timeline::new(evaluator.platform(), &schedule).unwrap();
+        let schedule = plan.to_schedule(evaluator.test()).unwrap();
+        let timeline = Timeline::new(evaluator.test(), &schedule).unwrap();
         assert!((timeline.total_time_s() - 9000.0).abs() < 1e-6);
         assert!(plan.dwell_s.iter().all(|d| *d >= 60.0));
         // Too little time for the moves: no plan.
-        let short = Variables::angles_and_dwells(evaluator.platform(), 1000.0);
+        let short = Variables::angles_and_dwells(evaluator.test(), 1000.0);
         assert!(short.decode(&x).is_none());
     }
 
     #[test]
     fn plans_survive_the_way_through_the_variables() {
         let evaluator = evaluator(true);
-        let plan = sample_plan().fitted(evaluator.platform(), 9000.0).unwrap();
-        let variables = Variables::angles_and_dwells(evaluator.platform(), 9000.0);
+        let plan = sample_plan().fitted(evaluator.test(), 9000.0).unwrap();
+        let variables = Variables::angles_and_dwells(evaluator.test(), 9000.0);
         let again = variables.decode(&variables.encode(&plan)).unwrap();
         for (a, b) in plan
             .angles
@@ -307,15 +307,15 @@ mod tests {
     #[test]
     fn the_merit_is_smooth_across_half_turns() {
         let evaluator = evaluator(false);
-        let platform = evaluator.platform();
-        let variables = Variables::angles_and_dwells(platform, 9000.0);
+        let test = evaluator.test();
+        let variables = Variables::angles_and_dwells(test, 9000.0);
         let at = |deg: f64| Position::from_deg(deg, 10.0, 30.0).to_array();
         let plan = Plan::new(vec![at(20.0), at(199.99), at(60.0)], vec![900.0; 3]);
-        let x = variables.encode(&plan.fitted(platform, 9000.0).unwrap());
+        let x = variables.encode(&plan.fitted(test, 9000.0).unwrap());
         let merit = |shift_deg: f64| {
             let mut x = x.clone();
             x[4] += shift_deg.to_radians();
-            let timeline = variables.decode(&x).unwrap().timeline(platform);
+            let timeline = variables.decode(&x).unwrap().timeline(test);
             evaluator.merit(&timeline, Smoothing::Exact).unwrap()
         };
         let [before, after, beyond] = [0.0, 0.02, 0.04].map(merit);
@@ -327,16 +327,16 @@ mod tests {
     fn pulled_back_gradient_is_the_derivative() {
         for limited in [false, true] {
             let evaluator = evaluator(limited);
-            let platform = evaluator.platform();
-            let variables = Variables::angles_and_dwells(platform, 9000.0);
-            let x = variables.encode(&sample_plan().fitted(platform, 9000.0).unwrap());
-            let timeline = variables.decode(&x).unwrap().timeline(platform);
+            let test = evaluator.test();
+            let variables = Variables::angles_and_dwells(test, 9000.0);
+            let x = variables.encode(&sample_plan().fitted(test, 9000.0).unwrap());
+            let timeline = variables.decode(&x).unwrap().timeline(test);
             let (_, legs) = evaluator
                 .merit_gradient(&timeline, Smoothing::Exact)
                 .unwrap();
             let gradient = variables.pull_back(&x, &timeline, &legs);
             let f = |x: &[f64]| {
-                let timeline = variables.decode(x).unwrap().timeline(platform);
+                let timeline = variables.decode(x).unwrap().timeline(test);
                 evaluator.merit(&timeline, Smoothing::Exact).unwrap()
             };
             assert_gradient(f, &x, &gradient, 2e-6);

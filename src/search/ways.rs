@@ -3,16 +3,20 @@
 use std::f64::consts::TAU;
 
 use crate::attitude::{Degrees, Position, deg_of_rad};
-use crate::motion::way;
+use crate::motion::{Test, way};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::ScheduledPosition;
 
 /// The ways that are the differences of angles which are not wrapped, rad; of more than a whole turn
 /// the turns are left out. Where moves are measured, turning round and round shows much, and a search
 /// would wind a gimbal up without end: that is what tumbling is for, where it is allowed.
-pub(super) fn straight_ways(platform: &Platform, angles: &[[f64; 3]]) -> Vec<Option<[f64; 3]>> {
-    let mut from = platform.standing().map(Position::to_array);
-    let limited = platform.gimbals().ranges.map(|range| range.is_some());
+pub(super) fn straight_ways(test: &Test, angles: &[[f64; 3]]) -> Vec<Option<[f64; 3]>> {
+    let mut from = test.standing().map(Position::to_array);
+    let limited = test
+        .platform()
+        .gimbals()
+        .ranges
+        .map(|range| range.is_some());
     let ways = angles.iter().map(|to| {
         let before = from.replace(*to)?;
         Some(std::array::from_fn(|axis| {
@@ -42,12 +46,13 @@ pub(super) fn in_deg(way: [f64; 3]) -> [f64; 3] {
 /// The same test as a person would write it: unlimited axes in (−180°, 180°], and the way only
 /// where it counts and is not the one taken anyway.
 pub(super) fn tidied(
-    platform: &Platform,
+    test: &Test,
     positions: impl Iterator<Item = ScheduledPosition>,
 ) -> Vec<ScheduledPosition> {
+    let platform = test.platform();
     let ranges = platform.gimbals().ranges;
     let any_way = !ways_count(platform);
-    let mut from = platform.standing();
+    let mut from = test.standing();
     let tidied = positions.map(|mut p| {
         let exact = p.position.exact();
         let [alpha, beta, gamma] = std::array::from_fn(|axis| {
@@ -82,10 +87,10 @@ mod tests {
     fn no_way_is_longer_than_a_turn() {
         let mut config = PlatformConfig::default();
         config.gimbals.beta_deg = Some([-4000.0, 4000.0]);
-        let platform = config.check().unwrap();
+        let test = Test::from(config.check().unwrap());
         let deg = |angles: [f64; 3]| angles.map(f64::to_radians);
         let angles = [[10.0, 0.0, 0.0], [980.0, 1000.0, -720.5], [700.0, 0.0, 0.0]].map(deg);
-        let ways = straight_ways(&platform, &angles);
+        let ways = straight_ways(&test, &angles);
         assert_eq!(ways[0], None);
         for (way, expected) in ways[1..]
             .iter()

@@ -440,7 +440,7 @@ mod tests {
             ScheduledPosition::new(Position::from_deg(alpha, 0.0, 0.0), dwell)
         });
         let schedule = Schedule::new(positions.collect()).unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         Program::new(&platform, &timeline).unwrap()
     }
 

@@ -157,9 +157,6 @@ impl Study {
     /// positions, [`Error::is_infeasible`](crate::Error::is_infeasible) when it does not fit into
     /// the time.
     pub fn standard(&self, scheme: StandardScheme) -> Result<Schedule> {
-        scheme.schedule(
-            self.config().objective.total_time_s,
-            self.checked.platform(),
-        )
+        scheme.schedule(self.config().objective.total_time_s, self.checked.test())
     }
 }

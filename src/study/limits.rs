@@ -151,15 +151,15 @@ impl Study {
     /// of a test, or where the criterion does not depend on it.
     pub(crate) fn limits(&self, schedule: &Schedule) -> Vec<LimitRecord> {
         let evaluator = &self.evaluator;
-        let platform = self.checked.platform();
+        let test = self.checked.test();
         let known = evaluator
             .objective()
             .criterion
             .is_known(evaluator.model().prior_sigma_deg_per_h());
-        if platform.done().is_some() || known {
+        if test.done().is_some() || known {
             return Vec::new();
         }
-        let Ok(timeline) = Timeline::new(platform, schedule) else {
+        let Ok(timeline) = Timeline::new(test, schedule) else {
             return Vec::new();
         };
         let total_time_s = timeline.total_time_s();
@@ -178,7 +178,7 @@ impl Study {
             }
         }
         for group in self.considered_groups() {
-            let platform = platform.estimating(group);
+            let platform = test.platform().estimating(group);
             let evaluator = Evaluator::new(platform, evaluator.objective().clone());
             if let Ok(then) = criterion(&evaluator, &timeline) {
                 let what = format!("errors.considered.{group}");
@@ -199,7 +199,7 @@ impl Study {
 
     /// Groups that the filter does not know of.
     fn considered_groups(&self) -> Vec<&'static str> {
-        let parameters = self.checked.platform().errors().parameters();
+        let parameters = self.checked.test().platform().errors().parameters();
         let considered = parameters.iter().filter(|p| p.role == Role::Considered);
         let mut groups: Vec<&str> = considered.map(|p| p.group).collect();
         groups.dedup();
@@ -215,14 +215,14 @@ impl Study {
         }
         let refined = |evaluator: &Evaluator, from: &Schedule| {
             let plan = polished(evaluator, from, total_time_s)?;
-            let value = criterion(evaluator, &plan.timeline(evaluator.platform())).ok()?;
+            let value = criterion(evaluator, &plan.timeline(evaluator.test())).ok()?;
             Some((plan, value))
         };
         let Some((plan, now)) = refined(&self.evaluator, schedule) else {
             return Vec::new();
         };
         // From the best within the ranges as they are, which the wider ones allow too.
-        let Ok(best) = plan.to_schedule(self.evaluator.platform()) else {
+        let Ok(best) = plan.to_schedule(self.evaluator.test()) else {
             return Vec::new();
         };
         let with = |wider: &Wider| {
@@ -257,7 +257,7 @@ fn criterion(evaluator: &Evaluator, timeline: &Timeline) -> Result<f64> {
 fn criterion_of(config: &StudyConfig, schedule: &Schedule, total_time_s: f64) -> Option<f64> {
     let checked = config.check_for_evaluation().ok()?;
     let evaluator = checked.evaluator();
-    let timeline = Timeline::new(checked.platform(), schedule).ok()?;
+    let timeline = Timeline::new(checked.test(), schedule).ok()?;
     let held_s: f64 = schedule.positions().iter().map(|p| p.dwell_s).sum();
     let factor = (held_s + total_time_s - timeline.total_time_s()) / held_s;
     if !(factor > 0.0 && factor.is_finite()) {
@@ -267,7 +267,7 @@ fn criterion_of(config: &StudyConfig, schedule: &Schedule, total_time_s: f64) ->
         dwell_s: p.dwell_s * factor,
         ..*p
     });
-    let timeline = Timeline::unchecked(checked.platform(), scaled);
+    let timeline = Timeline::unchecked(checked.test(), scaled);
     criterion(&evaluator, &timeline).ok()
 }
 

@@ -149,7 +149,7 @@ impl Study {
             &self.inputs(),
         );
         document.evaluation.limits = self.limits(&outcome.schedule);
-        let certifier = Certifier::new(self.checked.platform());
+        let certifier = Certifier::new(self.checked.test().platform());
         let certificate = CertificateRecord::new(
             &certifier,
             objective.mode,

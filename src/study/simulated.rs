@@ -111,9 +111,9 @@ impl Study {
         schedule: &Schedule,
         request: &SimulationRequest,
     ) -> Result<SimulationResult> {
-        let platform = self.checked.platform();
-        let timeline = Timeline::new(platform, schedule)?;
-        let simulation = Simulation::new(platform, &timeline, request.options)?;
+        let test = self.checked.test();
+        let timeline = Timeline::new(test, schedule)?;
+        let simulation = Simulation::new(test.platform(), &timeline, request.options)?;
         let seed = self.config().search.seed;
         let (found, swept) = self.on_threads(|| {
             let found = simulation.monte_carlo(request.runs, seed)?;
@@ -137,7 +137,7 @@ impl Study {
     /// First the misalignment with the drift as it is, then the drift with the misalignment of the
     /// platform's worst axis.
     fn sweep(&self, timeline: &Timeline, request: &SimulationRequest) -> Result<Vec<SweepPoint>> {
-        let platform = self.checked.platform();
+        let platform = self.checked.test().platform();
         let own = platform.prior_misalignment_rad().max();
         let own_deg = Angle::from_rad(own).deg();
         let by_misalignment = SWEPT_DEG.map(|misalignment_deg| PriorSize {

@@ -263,7 +263,8 @@ fn a_period_alone_says_what_the_defaults_mean_now() {
     .check()
     .unwrap();
     let usual = StudyConfig::default().check().unwrap();
-    let ratio = same.platform().drift_psd_rad2_per_s() / usual.platform().drift_psd_rad2_per_s();
+    let ratio = same.test().platform().drift_psd_rad2_per_s()
+        / usual.test().platform().drift_psd_rad2_per_s();
     assert!((ratio - 1.0).abs() < 1e-3);
 }
 

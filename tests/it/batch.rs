@@ -61,7 +61,11 @@ fn timeline(random: &mut Random, platform: &Platform, kind: Kind) -> Timeline {
             ..ScheduledPosition::new(random.position(), dwell_s)
         }
     });
-    Timeline::new(platform, &Schedule::new(positions.collect()).unwrap()).unwrap()
+    Timeline::new(
+        &platform.clone().into(),
+        &Schedule::new(positions.collect()).unwrap(),
+    )
+    .unwrap()
 }
 
 /// How far a batch may be off: a rounding, times how much better some combinations are known than

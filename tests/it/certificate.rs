@@ -116,7 +116,11 @@ fn random_schedule(
         })
         .collect();
     let sum: f64 = positions.iter().map(|p| p.dwell_s).sum();
-    let moves = Timeline::new(&platform, &Schedule::new(positions.clone()).unwrap()).unwrap();
+    let moves = Timeline::new(
+        &platform.clone().into(),
+        &Schedule::new(positions.clone()).unwrap(),
+    )
+    .unwrap();
     let left = total_time_s - moves.overhead_s();
     if left <= 0.0 {
         return None;
@@ -124,7 +128,7 @@ fn random_schedule(
     for p in &mut positions {
         p.dwell_s *= left / sum;
     }
-    Timeline::new(&platform, &Schedule::new(positions).unwrap()).ok()
+    Timeline::new(&platform.clone().into(), &Schedule::new(positions).unwrap()).ok()
 }
 
 fn random_criterion(random: &mut Random) -> Criterion {

@@ -142,7 +142,7 @@ fn check(change: impl Fn(&mut PlatformConfig)) {
     let mut random = Random(7);
     for _ in 0..8 {
         let schedule = schedule(&mut random, 60.0, 14);
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let rough = replay(&platform, &timeline, 45.0);
         let fine = replay(&platform, &timeline, 1.0);
         assert!(fine >= rough);
@@ -193,7 +193,7 @@ fn a_tumbling_schedule_is_commanded_by_moves_alone() {
         turning([-30.0, -50.0, 80.0], 3000.0),
     ]);
     let platform = PlatformConfig::default().check().unwrap();
-    let timeline = Timeline::new(&platform, &schedule.unwrap()).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule.unwrap()).unwrap();
     replay(&platform, &timeline, 5.0);
     let table = CommandTable::new(&platform, &timeline, 5.0).unwrap();
     let moves = table.commands().iter().skip(1);
@@ -213,7 +213,7 @@ fn a_slew_adds_to_the_earth_rate() {
     let platform = config.check().unwrap();
     let at = |a| ScheduledPosition::new(Position::from_deg(a, 0.0, 0.0), 60.0);
     let schedule = Schedule::new(vec![at(0.0), at(60.0)]).unwrap();
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     let table = CommandTable::new(&platform, &timeline, 5.0).unwrap();
     let slewing = table.commands()[1].platform_rate_rad_per_s.unwrap();
     let north = platform.earth_rate_n().x;

@@ -104,7 +104,7 @@ fn the_step_by_step_filter_agrees_to_1e_6() {
     assert_eq!(cases.len(), 11);
     for case in cases {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         assert!((timeline.total_time_s() - case.total_time_s).abs() < 1e-3);
         let found = full_step_by_step(&platform, &timeline).unwrap();
         check(&case, "the filter", &platform, &found);
@@ -115,7 +115,7 @@ fn the_step_by_step_filter_agrees_to_1e_6() {
 fn the_chain_agrees_to_1e_6() {
     for case in full_cases() {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         let model = CovarianceModel::new(&platform);
         let found = model.full_covariance(&timeline).unwrap();
         check(&case, "the chain", &platform, &found);
@@ -127,7 +127,7 @@ fn the_chain_agrees_to_1e_6() {
 fn the_fast_route_agrees_to_1e_6() {
     for case in full_cases() {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         let model = CovarianceModel::new(&platform);
         let names = DriftCoefficient::ALL.map(DriftCoefficient::name);
         let merit = |p: &dyn CoefficientCovariance| {

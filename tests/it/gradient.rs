@@ -319,7 +319,11 @@ impl Problem {
                     move_measured: Some(*measured),
                     ..ScheduledPosition::new(Position::from_rad(c[0], c[1], c[2]), c[3])
                 });
-        Timeline::new(&self.platform, &Schedule::new(positions.collect()).unwrap()).unwrap()
+        Timeline::new(
+            &self.platform.clone().into(),
+            &Schedule::new(positions.collect()).unwrap(),
+        )
+        .unwrap()
     }
 
     fn frame_hold(&self) -> bool {

@@ -44,7 +44,7 @@ fn keeps_the_limits(platform: &Platform, problem: &SearchProblem, found: &Search
     let count = entries.len() - entries.iter().filter(ends_turn).count();
     assert!(count <= problem.max_positions, "{count} positions");
     // Ranges at the positions, the index table and given moves are checked on the way.
-    let timeline = Timeline::new(platform, &found.schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &found.schedule).unwrap();
     let total_s = timeline.total_time_s();
     assert!(
         total_s <= problem.total_time_s * (1.0 + 1e-12),

@@ -258,7 +258,8 @@ fn orders_of_10000_nearly_aligned_schedules_are_those_of_an_independent_svd() {
         .into_par_iter()
         .map(|case| {
             let positions = near_aligned(&mut Random::of_case(case + 1));
-            let timeline = Timeline::new(&platform, &schedule(&positions, 1000.0)).unwrap();
+            let timeline =
+                Timeline::new(&platform.clone().into(), &schedule(&positions, 1000.0)).unwrap();
             let oracle = Oracle::of_positions(&positions);
             compare(
                 &model,
@@ -284,7 +285,8 @@ fn orders_of_400_random_schedules_are_those_of_an_independent_svd() {
         let positions: Vec<[f64; 3]> = (0..1 + case % 14)
             .map(|_| random.position().to_deg())
             .collect();
-        let timeline = Timeline::new(&platform, &schedule(&positions, 1000.0)).unwrap();
+        let timeline =
+            Timeline::new(&platform.clone().into(), &schedule(&positions, 1000.0)).unwrap();
         let oracle = Oracle::of_positions(&positions);
         let near = compare(
             &model,
@@ -471,7 +473,7 @@ fn odd_platforms_are_analysed_like_any_other() {
         for (positions, dwell_s) in &schedules {
             let case = format!("{name}: {positions:?}");
             let schedule = schedule(positions, *dwell_s);
-            let timeline = Timeline::new(&platform, &schedule).unwrap();
+            let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
             let (analysis, document) = analysed(&config, &schedule);
             let o = &analysis.observability;
             check(&model, &timeline, o, &case);

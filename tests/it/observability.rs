@@ -20,7 +20,7 @@ const SECOND: Option<Order> = Some(Order::Second);
 
 fn analyze(config: &PlatformConfig, schedule: &Schedule) -> Observability {
     let platform = config.check().unwrap();
-    let timeline = Timeline::new(&platform, schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), schedule).unwrap();
     Observability::analyze(&CovarianceModel::new(&platform), &timeline).unwrap()
 }
 
@@ -34,7 +34,7 @@ fn evaluator() -> Evaluator {
 }
 
 fn scheme(scheme: StandardScheme, evaluator: &Evaluator) -> (Schedule, Evaluation) {
-    let schedule = scheme.schedule(12_000.0, evaluator.platform()).unwrap();
+    let schedule = scheme.schedule(12_000.0, evaluator.test()).unwrap();
     let evaluation = evaluator.evaluate(&schedule).unwrap();
     (schedule, evaluation)
 }
@@ -78,7 +78,8 @@ fn each_input_coefficient_is_of_order_two_for_1000_random_schedules() {
         let positions = (0..count)
             .map(|_| ScheduledPosition::new(random.position(), random.between(60.0, 1500.0)))
             .collect();
-        let timeline = Timeline::new(&platform, &Schedule::new(positions).unwrap()).unwrap();
+        let timeline =
+            Timeline::new(&platform.clone().into(), &Schedule::new(positions).unwrap()).unwrap();
         let o = Observability::analyze(&model, &timeline).unwrap();
         for c in D::ALL {
             let expected = match c.kind() {

@@ -10,7 +10,7 @@ use scheme_opt::internals::config::{
 use scheme_opt::internals::drift::DriftCoefficient;
 use scheme_opt::internals::evaluate::Evaluator;
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, Platform, Repositioning};
+use scheme_opt::internals::platform::{AxisValue, GSensitivePrior, Repositioning};
 use scheme_opt::internals::schedule::Schedule;
 use scheme_opt::internals::search::front::front;
 use scheme_opt::internals::search::shortest::shortest;
@@ -249,7 +249,7 @@ fn impossible(study: &CheckedConfig) -> Option<&'static str> {
         }
     }
     // Staying at the start, or anywhere, for one dwell and its settling.
-    let period_s = study.platform().period_s();
+    let period_s = study.test().platform().period_s();
     let dwell_s = (motion.min_dwell_s / period_s - 1e-9).ceil().max(1.0) * period_s;
     let settles = motion.start_deg.is_some() && !motion.measure_moves;
     let least_s = dwell_s + if settles { motion.settle_s } else { 0.0 };
@@ -257,12 +257,8 @@ fn impossible(study: &CheckedConfig) -> Option<&'static str> {
 }
 
 /// That the platform can run the schedule within the limits.
-fn check_limits(
-    platform: &Platform,
-    study: &CheckedConfig,
-    schedule: &Schedule,
-) -> Result<(), String> {
-    let timeline = Timeline::new(platform, schedule).map_err(|e| e.to_string())?;
+fn check_limits(study: &CheckedConfig, schedule: &Schedule) -> Result<(), String> {
+    let timeline = Timeline::new(study.test(), schedule).map_err(|e| e.to_string())?;
     let (total_s, most_s) = (timeline.total_time_s(), study.objective().total_time_s);
     if total_s > most_s * (1.0 + 1e-12) {
         return Err(format!("takes {total_s} s of {most_s}"));
@@ -274,8 +270,12 @@ fn check_limits(
     if count > study.search().max_positions {
         return Err(format!("{count} positions"));
     }
-    CommandTable::new(platform, &timeline, CommandTable::DEFAULT_STEP_DEG)
-        .map_err(|e| e.to_string())?;
+    CommandTable::new(
+        study.test().platform(),
+        &timeline,
+        CommandTable::DEFAULT_STEP_DEG,
+    )
+    .map_err(|e| e.to_string())?;
     Ok(())
 }
 
@@ -297,9 +297,9 @@ fn ends_well(case: u64) -> Result<&'static str, String> {
     if let Some(why) = impossible(&study) {
         return Err(format!("found what cannot be: {why}"));
     }
-    check_limits(study.platform(), &study, &found.schedule)?;
+    check_limits(&study, &found.schedule)?;
     for point in &found.front {
-        check_limits(study.platform(), &study, &point.schedule)?;
+        check_limits(&study, &point.schedule)?;
     }
     let again = evaluator
         .evaluate(&found.schedule)

@@ -11,7 +11,8 @@ use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 fn end(config: &PlatformConfig, positions: Vec<ScheduledPosition>) -> EndCovariance {
     let platform = config.check().unwrap();
-    let timeline = Timeline::new(&platform, &Schedule::new(positions).unwrap()).unwrap();
+    let timeline =
+        Timeline::new(&platform.clone().into(), &Schedule::new(positions).unwrap()).unwrap();
     CovarianceModel::new(&platform)
         .end_covariance(&timeline, TickRule::Filter)
         .unwrap()

@@ -50,7 +50,7 @@ fn schedule(config: &PlatformConfig, dwells: &[(Position, usize)]) -> Schedule {
 fn differences(config: &PlatformConfig, dwells: &[(Position, usize)]) -> [f64; 3] {
     let platform = config.check().unwrap();
     let schedule = schedule(config, dwells);
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     let kernels = CovarianceModel::new(&platform)
         .end_covariance(&timeline, TickRule::Filter)
         .unwrap();
@@ -157,7 +157,7 @@ fn what_doubles_lose_is_right_in_32_digits() {
         let config = extreme_platform(random, 12.0);
         let schedule = extreme_schedule(random, config.filter.period_s, 400.0);
         let platform = config.check().unwrap();
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let exact = dense_filter::run(&platform, &schedule);
         let in_doubles = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
         let lost = of_all(&in_doubles, &exact);

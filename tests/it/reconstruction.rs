@@ -417,7 +417,7 @@ fn the_reconstructions_give_the_coefficients_of_a_noise_free_test() {
         random_positions(&mut random, 14),
     ] {
         let truth = simulate(&positions, 900.0);
-        let timeline = Timeline::new(&platform, &held(&positions, 900.0)).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &held(&positions, 900.0)).unwrap();
         let o = Observability::analyze(&model, &timeline).unwrap();
         for c in DriftCoefficient::ALL {
             let combination = Combination::single(c);

@@ -53,7 +53,7 @@ fn nine_cases_are_there() {
 fn kernel_evaluator_agrees_to_1e_6() {
     for case in reference_cases() {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         assert!((timeline.total_time_s() - case.total_time_s).abs() < 1e-3);
         let end = CovarianceModel::new(&platform)
             .end_covariance(&timeline, TickRule::Filter)
@@ -66,7 +66,7 @@ fn kernel_evaluator_agrees_to_1e_6() {
 fn square_root_filter_agrees_to_1e_6() {
     for case in reference_cases() {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         let end = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
         check(&case, &end, 1e-6);
     }
@@ -86,7 +86,7 @@ fn kernels_and_filter_agree_from_strong_to_weak_priors() {
         config.prior.g_sensitive_drift_deg_per_h_per_g =
             GSensitivePrior::All(AxisValue::All(sigma));
         let platform = config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         let kernels = CovarianceModel::new(&platform)
             .end_covariance(&timeline, TickRule::Filter)
             .unwrap();
@@ -106,7 +106,7 @@ fn the_history_says_what_each_position_did() {
     let mut improved = Vec::new();
     for case in reference_cases() {
         let platform = case.config.check().unwrap();
-        let timeline = Timeline::new(&platform, &case.schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &case.schedule).unwrap();
         let mut recorder = HistoryRecorder::new(&timeline, None);
         let mut moments = Vec::new();
         step_by_step(&platform, &timeline, &mut |moment| {
@@ -156,7 +156,7 @@ fn moving_test(measured: bool) -> (Platform, Timeline) {
     ]
     .map(|(a, dwell_s)| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), dwell_s));
     let schedule = Schedule::new(positions.into()).unwrap();
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     (platform, timeline)
 }
 

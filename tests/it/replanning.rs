@@ -2,7 +2,8 @@
 
 use scheme_opt::internals::drift::COEFFICIENTS;
 use scheme_opt::internals::evaluate::{Evaluation, Evaluator, Objective};
-use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::motion::Test;
+use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::internals::search::{Control, SearchProblem, search};
 
@@ -16,8 +17,8 @@ fn positions(random: &mut Random, count: usize) -> Vec<ScheduledPosition> {
     (0..count).map(held).collect()
 }
 
-fn evaluate(platform: &Platform, schedule: &Schedule) -> Evaluation {
-    let evaluator = Evaluator::new(platform.clone(), Objective::default());
+fn evaluate(test: &Test, schedule: &Schedule) -> Evaluation {
+    let evaluator = Evaluator::new(test.clone(), Objective::default());
     evaluator.evaluate(schedule).unwrap()
 }
 
@@ -25,19 +26,19 @@ fn evaluate(platform: &Platform, schedule: &Schedule) -> Evaluation {
 fn same_as_the_whole(change: impl FnOnce(&mut PlatformConfig)) {
     let mut config = PlatformConfig::default();
     change(&mut config);
-    let platform = config.check().unwrap();
+    let test = Test::from(config.check().unwrap());
     let mut random = Random(11);
     for _ in 0..4 {
         let all = positions(&mut random, 9);
         let whole = Schedule::new(all.clone()).unwrap();
         let rest = Schedule::new(all[5..].to_vec()).unwrap();
         // In two parts, which follow each other.
-        let interrupted = platform
+        let interrupted = test
             .clone()
             .interrupted_after(Schedule::new(all[..2].to_vec()).unwrap())
-            .and_then(|p| p.interrupted_after(Schedule::new(all[2..5].to_vec()).unwrap()))
+            .and_then(|test| test.interrupted_after(Schedule::new(all[2..5].to_vec()).unwrap()))
             .unwrap();
-        let (a, b) = (evaluate(&platform, &whole), evaluate(&interrupted, &rest));
+        let (a, b) = (evaluate(&test, &whole), evaluate(&interrupted, &rest));
         assert_eq!(a.end, b.end);
         assert_eq!(a.total_time_s, b.total_time_s);
         assert_eq!(b.convergence.positions.len(), 4);
@@ -69,7 +70,7 @@ fn a_search_continues_an_interrupted_test() {
     let mut config = PlatformConfig::default();
     config.motion.slew_rate_deg_per_s = Some(1.0);
     config.motion.settle_s = 20.0;
-    let platform = config.check().unwrap();
+    let test = Test::from(config.check().unwrap());
     let faces = |deg: [f64; 3]| {
         let [a, b, c] = deg;
         ScheduledPosition::new(
@@ -83,7 +84,7 @@ fn a_search_continues_an_interrupted_test() {
         faces([180.0, 0.0, 0.0]),
         faces([0.0, 0.0, 90.0]),
     ];
-    let interrupted = platform
+    let interrupted = test
         .clone()
         .interrupted_after(Schedule::new(done.clone()).unwrap())
         .unwrap();
@@ -98,15 +99,15 @@ fn a_search_continues_an_interrupted_test() {
     assert!(found.evaluation.total_time_s <= 7200.0 + 1e-6);
     let mut whole = done.clone();
     whole.extend(found.schedule.positions());
-    let whole = evaluate(&platform, &Schedule::new(whole).unwrap());
+    let whole = evaluate(&test, &Schedule::new(whole).unwrap());
     assert_eq!(whole.end, found.evaluation.end);
     // Better than repeating what was done, and than a random continuation.
     let mut random = Random(3);
     for _ in 0..5 {
         let mut other = done.clone();
         other.extend(positions(&mut random, 8));
-        let other = Schedule::new(other).unwrap().scaled_to(&platform, 7200.0);
-        let other = evaluate(&platform, &other.unwrap());
+        let other = Schedule::new(other).unwrap().scaled_to(&test, 7200.0);
+        let other = evaluate(&test, &other.unwrap());
         assert!(whole.rms_sigma_deg_per_h() < other.rms_sigma_deg_per_h());
     }
     assert_eq!(whole.observability.separability.len(), COEFFICIENTS);

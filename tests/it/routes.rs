@@ -23,7 +23,7 @@ struct Member {
 
 impl Member {
     fn timeline(&self) -> Timeline {
-        Timeline::new(&self.platform, &self.schedule).unwrap()
+        Timeline::new(&self.platform.clone().into(), &self.schedule).unwrap()
     }
 
     /// The same with every dwell so much longer, s.
@@ -34,7 +34,7 @@ impl Member {
             ..*p
         });
         let schedule = Schedule::new(longer.collect()).unwrap();
-        Timeline::new(&self.platform, &schedule).unwrap()
+        Timeline::new(&self.platform.clone().into(), &schedule).unwrap()
     }
 }
 
@@ -48,8 +48,8 @@ fn battery() -> Vec<Member> {
     });
     let problems = problems::all().into_iter().map(|problem| {
         let (evaluator, total_s) = (problem.evaluator(), problem.search_problem(1).total_time_s);
-        let platform = evaluator.platform().clone();
-        let fits = |scheme: &StandardScheme| scheme.schedule(total_s, &platform).ok();
+        let platform = evaluator.test().platform().clone();
+        let fits = |scheme: &StandardScheme| scheme.schedule(total_s, evaluator.test()).ok();
         let first = [StandardScheme::Icosahedron12, StandardScheme::Axis24];
         let mut schemes = first.iter().chain(&StandardScheme::ALL);
         let schedule = schemes.find_map(fits).unwrap();
@@ -193,7 +193,7 @@ fn the_gradient_by_dwells_is_the_slope_of_the_exact_chain() {
 fn the_best_values_known_are_above_their_bounds() {
     for problem in problems::all() {
         let (evaluator, total_s) = (problem.evaluator(), problem.search_problem(1).total_time_s);
-        let certifier = Certifier::new(evaluator.platform());
+        let certifier = Certifier::new(evaluator.test().platform());
         let bound = certifier
             .criterion_bound(&evaluator.objective().criterion, total_s)
             .unwrap();

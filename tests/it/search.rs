@@ -42,7 +42,7 @@ fn default_search_is_better_than_the_axis_aligned_schemes_by_far() {
         assert!(found.schedule.positions().len() <= 24);
         for name in ["faces-6", "faces-12", "axis-24"] {
             let scheme = StandardScheme::from_name(name).unwrap();
-            let standard = scheme.schedule(12_000.0, evaluator.platform()).unwrap();
+            let standard = scheme.schedule(12_000.0, evaluator.test()).unwrap();
             let standard = evaluator.evaluate(&standard).unwrap();
             assert!(standard.rms_sigma_deg_per_h() > 4.0 * rms, "{name}");
         }
@@ -87,7 +87,7 @@ fn a_real_stand_is_respected() {
     };
     let found = run(&evaluator, &problem);
     // Timeline::new checks ranges; the moves between lie between their ends.
-    let timeline = Timeline::new(evaluator.platform(), &found.schedule).unwrap();
+    let timeline = Timeline::new(evaluator.test(), &found.schedule).unwrap();
     assert!(timeline.total_time_s() <= 14_400.0 + 1e-6);
     assert!(timeline.total_time_s() > 14_380.0);
     for p in found.schedule.positions() {
@@ -279,7 +279,7 @@ fn a_fast_stand_that_measures_is_not_wound_up() {
             ..SearchProblem::default()
         };
         let found = run(&evaluator, &problem);
-        let timeline = Timeline::new(evaluator.platform(), &found.schedule).unwrap();
+        let timeline = Timeline::new(evaluator.test(), &found.schedule).unwrap();
         for leg in timeline.legs() {
             for change in leg.arrival.map_or([0.0; 3], |m| m.change) {
                 assert!(change.to_degrees().abs() < 360.0 + 1e-6, "{change}");
@@ -330,7 +330,7 @@ fn shortest_and_most_accurate_agree() {
         total_time_s: 0.99 * found.evaluation.total_time_s,
         ..problem.clone()
     };
-    let evaluator = Evaluator::new(evaluator.platform().clone(), ratio);
+    let evaluator = Evaluator::new(evaluator.test().clone(), ratio);
     assert!(run(&evaluator, &less).evaluation.score.criterion > 1.0);
 
     // In 8000 s it cannot be met, and what would be needed is said.

@@ -75,7 +75,7 @@ fn platform(drift: f64, change: impl FnOnce(&mut PlatformConfig)) -> Platform {
 }
 
 fn simulation(platform: &Platform, schedule: &Schedule, options: SimulationOptions) -> Simulation {
-    let timeline = Timeline::new(platform, schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), schedule).unwrap();
     Simulation::new(platform, &timeline, options).unwrap()
 }
 

@@ -43,7 +43,7 @@ fn criteria_of_300_schedules_have_the_digits_that_sigmas_have() {
         let platform = config(prior(), prior()).check().unwrap();
         let schedule = schedule(&mut random, 7.0);
         let exact = dense_filter::run(&platform, &schedule);
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let evaluator = Evaluator::new(platform, Objective::default());
         let printed = evaluator.evaluate(&schedule).unwrap();
         let log_det = printed.logdet_deg_per_h().unwrap();
@@ -90,7 +90,7 @@ fn gradients_under_weak_priors_are_the_derivatives() {
             let timeline = |x: &[[f64; 3]]| {
                 let held = |a: &[f64; 3]| ScheduledPosition::new(Position::from_array(*a), 600.0);
                 let schedule = Schedule::new(x.iter().map(held).collect()).unwrap();
-                Timeline::new(&platform, &schedule).unwrap()
+                Timeline::new(&platform.clone().into(), &schedule).unwrap()
             };
             let (_, gradient) = model
                 .gradient(&timeline(&x), TickRule::Filter, |p| {

@@ -44,10 +44,10 @@ impl Rated {
 impl Orders<'_> {
     /// The order as it is driven; none when it does not fit into the time.
     pub fn schedule(&self, order: &[usize]) -> Option<Schedule> {
-        let platform = self.evaluator.platform();
+        let test = self.evaluator.test();
         let visited: Vec<Position> = order.iter().map(|&k| self.positions[k]).collect();
         let visited = match self.quickest {
-            true => quickest_positions(platform, &visited),
+            true => quickest_positions(test, &visited),
             false => visited,
         };
         let held = |dwell_s: &[f64]| {
@@ -56,11 +56,11 @@ impl Orders<'_> {
                 .collect::<Vec<_>>()
         };
         let no_time = vec![0.0; order.len()];
-        let moving = Timeline::unchecked(platform, held(&no_time).into_iter());
+        let moving = Timeline::unchecked(test, held(&no_time).into_iter());
         let budget_s = self.total_time_s - moving.overhead_s();
         let dwell_s = vec![budget_s / order.len() as f64; order.len()];
         let dwell_s = whole_periods(
-            platform.period_s(),
+            test.platform().period_s(),
             self.fewest_periods(),
             &dwell_s,
             budget_s,
@@ -71,21 +71,21 @@ impl Orders<'_> {
 
     /// Periods of the shortest dwell.
     pub fn fewest_periods(&self) -> f64 {
-        let platform = self.evaluator.platform();
+        let platform = self.evaluator.test().platform();
         (platform.shortest_dwell_s() / platform.period_s()).round()
     }
 
     /// Those of the orders that can be driven, with their merits.
     pub fn rated(&self, orders: &[Vec<usize>]) -> Vec<Rated> {
         let rate = |some: &[Vec<usize>]| {
-            let platform = self.evaluator.platform();
+            let test = self.evaluator.test();
             let driven: Vec<_> = some
                 .iter()
                 .filter_map(|order| Some((order, self.schedule(order)?)))
                 .collect();
             let timelines: Vec<Timeline> = driven
                 .iter()
-                .map(|(_, s)| Timeline::unchecked(platform, s.positions().iter().copied()))
+                .map(|(_, s)| Timeline::unchecked(test, s.positions().iter().copied()))
                 .collect();
             let merits = self.evaluator.merits_by_filter(&timelines);
             let rated = merits.into_iter().zip(driven);

@@ -6,8 +6,8 @@ use super::orders::Orders;
 use crate::attitude::Position;
 use crate::covariance::link::{Link, Reached};
 use crate::evaluate::Evaluator;
-use crate::motion::{Leg, Timeline, slowest_turn_rad};
-use crate::platform::{Platform, Repositioning};
+use crate::motion::{Leg, Test, Timeline, slowest_turn_rad};
+use crate::platform::Repositioning;
 use crate::schedule::ScheduledPosition;
 use crate::units::RAD_PER_DEG;
 
@@ -42,14 +42,15 @@ pub(super) struct Roads<'a> {
 
 impl<'a> Roads<'a> {
     pub fn new(orders: &'a Orders<'a>) -> Self {
-        let platform = orders.evaluator.platform();
+        let test = orders.evaluator.test();
+        let platform = test.platform();
         let positions = &orders.positions;
         let from_all = |to: Position| {
             positions
                 .iter()
                 .map(move |s| slowest_turn_rad(platform, *s, to))
         };
-        let standing = platform.standing();
+        let standing = test.standing();
         let back = platform.motion().return_to_start;
         let start =
             |s: &Position| standing.map_or(0.0, |from| slowest_turn_rad(platform, from, *s));
@@ -65,11 +66,11 @@ impl<'a> Roads<'a> {
                 })
                 .collect(),
             starts: positions.iter().map(start).collect(),
-            homes: platform
+            homes: test
                 .home()
                 .filter(|_| back)
                 .map(|home| from_all(home).collect()),
-            returns_to_the_first: back && platform.home().is_none(),
+            returns_to_the_first: back && test.home().is_none(),
             s_per_rad: match platform.motion().repositioning {
                 Repositioning::Slew => platform
                     .motion()
@@ -77,21 +78,22 @@ impl<'a> Roads<'a> {
                     .map_or(0.0, f64::recip),
                 Repositioning::FrameHold => 0.0,
             },
-            budget_s: orders.total_time_s - fixed_s(platform, positions),
+            budget_s: orders.total_time_s - fixed_s(test, positions),
             arrivals: Vec::new(),
             begin: Vec::new(),
             to_go: Vec::new(),
         };
-        roads.link_up(platform);
+        roads.link_up(test);
         roads.look_ahead();
         roads
     }
 
     /// The links of all moves, and what is known on arrival at the first position.
-    fn link_up(&mut self, platform: &Platform) {
+    fn link_up(&mut self, test: &Test) {
+        let platform = test.platform();
         let model = self.orders.evaluator.model();
         let positions = &self.orders.positions;
-        let head = Timeline::unchecked(platform, std::iter::empty());
+        let head = Timeline::unchecked(test, std::iter::empty());
         let done = head.positions().start;
         let before = head.legs()[..done].last();
         let known = model.reached(&head.only(0..done));
@@ -213,7 +215,7 @@ impl<'a> Roads<'a> {
     /// The periods that are left for dwells when the gimbals turn by `cost`.
     pub fn periods(&self, cost: f64) -> i64 {
         let left_s = self.budget_s - cost * self.s_per_rad;
-        (left_s / self.evaluator().platform().period_s() + 1e-9).floor() as i64
+        (left_s / self.evaluator().test().platform().period_s() + 1e-9).floor() as i64
     }
 
     /// Every number of periods that some order may leave, most first, as long as no dwell is
@@ -266,9 +268,9 @@ impl<'a> Roads<'a> {
 
 /// Time that any order spends otherwise than in dwells and on the way, s: settles, and what was
 /// done before.
-fn fixed_s(platform: &Platform, positions: &[Position]) -> f64 {
+fn fixed_s(test: &Test, positions: &[Position]) -> f64 {
     let held = positions.iter().map(|p| ScheduledPosition::new(*p, 0.0));
-    let timeline = Timeline::unchecked(platform, held);
+    let timeline = Timeline::unchecked(test, held);
     let moves_s = |legs: &[Leg]| -> f64 {
         let moves = legs.iter().filter_map(|leg| leg.arrival);
         moves.map(|m| m.duration_s).sum()
@@ -307,7 +309,7 @@ impl Hops {
         let longer = periods as usize % count;
         let shorter = periods as usize / count;
         let model = roads.evaluator().model();
-        let platform = roads.evaluator().platform();
+        let platform = roads.evaluator().test().platform();
         let positions = roads.orders.positions.iter();
         let legs: Vec<Leg> = positions
             .map(|s| Timeline::arrival_leg(platform, None, *s))

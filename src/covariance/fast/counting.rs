@@ -234,7 +234,7 @@ fn timeline(count: usize, dwell_s: f64, slews: bool) -> (CovarianceModel, Timeli
         ScheduledPosition::new(position, dwell_s)
     });
     let schedule = Schedule::new(positions.collect()).unwrap();
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     (CovarianceModel::new(&platform), timeline)
 }
 

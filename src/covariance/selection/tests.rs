@@ -69,7 +69,11 @@ fn timeline(platform: &Platform) -> Timeline {
         ([150.0, -40.0, -75.0], 355.0),
     ]
     .map(|(a, dwell_s)| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), dwell_s));
-    Timeline::new(platform, &Schedule::new(positions.into()).unwrap()).unwrap()
+    Timeline::new(
+        &platform.clone().into(),
+        &Schedule::new(positions.into()).unwrap(),
+    )
+    .unwrap()
 }
 
 /// Largest difference of a covariance, beside the σ of what it is of.

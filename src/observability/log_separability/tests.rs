@@ -29,7 +29,7 @@ fn timeline(x: &[f64], moves: Moves) -> (CovarianceModel, Timeline) {
         ..ScheduledPosition::new(Position::from_rad(c[0], c[1], c[2]), c[3])
     });
     let schedule = Schedule::new(positions.collect()).unwrap();
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     (CovarianceModel::new(&platform), timeline)
 }
 
@@ -95,7 +95,7 @@ fn the_gram_form_is_the_reported_separability_whatever_is_unobservable() {
         for positions in schemes.into_iter().chain(random) {
             let held = positions.iter().map(|p| ScheduledPosition::new(*p, 700.0));
             let schedule = Schedule::new(held.collect()).unwrap();
-            let timeline = Timeline::new(&platform, &schedule).unwrap();
+            let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
             let reported = Observability::analyze(&model, &timeline)
                 .unwrap()
                 .separability;

@@ -8,10 +8,9 @@ use crate::attitude::Position;
 use crate::covariance::CovarianceModel;
 use crate::covariance::signatures::Signatures;
 use crate::model::Alike;
-use crate::motion::Timeline;
+use crate::motion::{Test, Timeline};
 use crate::observability::RANK_TOLERANCE;
 use crate::observability::regressor::at_a_pole;
-use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition};
 
 /// Says what would tell a combination.
@@ -151,7 +150,7 @@ impl Judge<'_> {
 
 /// Positions spread over all that the gimbals allow, held long enough, with the moves that the platform
 /// makes; none where it cannot run them.
-pub(super) fn positions_all_over(platform: &Platform) -> Option<Timeline> {
+pub(super) fn positions_all_over(test: &Test) -> Option<Timeline> {
     /// More than enough for every parameter.
     const POSITIONS: usize = 24;
     /// Irrational turns that fill a cube evenly (Roberts).
@@ -160,6 +159,7 @@ pub(super) fn positions_all_over(platform: &Platform) -> Option<Timeline> {
         0.671_043_606_703_789,
         0.549_700_477_901_970,
     ];
+    let platform = test.platform();
     let gimbals = platform.gimbals();
     let angle = |axis: usize, share: f64| match gimbals.settings_deg(axis) {
         Some(settings) => {
@@ -183,5 +183,5 @@ pub(super) fn positions_all_over(platform: &Platform) -> Option<Timeline> {
         });
         ScheduledPosition::new(Position::from_deg(a, b, c), dwell_s)
     });
-    Timeline::new(platform, &Schedule::new(held.collect()).ok()?).ok()
+    Timeline::new(test, &Schedule::new(held.collect()).ok()?).ok()
 }

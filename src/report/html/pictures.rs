@@ -56,7 +56,7 @@ pub(super) fn gimbals(subject: &Subject) -> String {
         let number = held.contains(&i).then(|| i - held.start + 1);
         panel = with_spans(panel, leg, [start, settled, times[i + 1]], number);
         for (axis, curve) in curves.iter_mut().enumerate() {
-            let unlimited = subject.study.platform().gimbals().ranges[axis].is_none();
+            let unlimited = subject.study.test().platform().gimbals().ranges[axis].is_none();
             let shown = |rad: f64| match unlimited {
                 true => Angle::from_rad(wrap_half_turn(rad)).deg(),
                 false => Angle::from_rad(rad).deg(),

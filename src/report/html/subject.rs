@@ -34,7 +34,7 @@ impl Subject {
         let study = config.check()?;
         let schedule = Schedule::try_from(schedule)?;
         let evaluator = study.evaluator();
-        let timeline = Timeline::new(study.platform(), &schedule)?;
+        let timeline = Timeline::new(study.test(), &schedule)?;
         let evaluation = evaluator.evaluate(&schedule)?;
         let inputs = Inputs {
             config: config.clone(),
@@ -51,7 +51,7 @@ impl Subject {
             &inputs,
         );
         let step_deg = CommandTable::DEFAULT_STEP_DEG;
-        let commands = CommandTable::new(study.platform(), &timeline, step_deg)?;
+        let commands = CommandTable::new(study.test().platform(), &timeline, step_deg)?;
         Ok(Self {
             study,
             evaluator,

@@ -34,7 +34,8 @@ fn ratio(value: Option<f64>) -> String {
 pub(super) fn positions(subject: &Subject) -> HtmlTable {
     let held = subject.timeline.positions();
     let times = subject.leg_times_s();
-    let frame_hold = subject.study.platform().motion().repositioning == Repositioning::FrameHold;
+    let frame_hold =
+        subject.study.test().platform().motion().repositioning == Repositioning::FrameHold;
     let rows = subject.timeline.legs().iter().enumerate().map(|(i, leg)| {
         let name = match i {
             _ if held.contains(&i) => (i - held.start + 1).to_string(),
@@ -88,7 +89,7 @@ fn unusual_way(subject: &Subject, leg: &Leg) -> String {
         return String::new();
     };
     let from = Position::from_array(arrival.from);
-    let usual = gimbal_change(subject.study.platform(), from, leg.position);
+    let usual = gimbal_change(subject.study.test().platform(), from, leg.position);
     let turns = ["α", "β", "γ"].into_iter().enumerate();
     let unusual = turns.filter(|(axis, _)| (arrival.change[*axis] - usual[*axis]).abs() > 1e-6);
     let said = unusual.map(|(axis, name)| {

@@ -18,7 +18,7 @@ fn the_linear_filters_sigma_is_that_of_the_covariance_chain() {
         (frame_hold, optimised()),
     ];
     for (platform, schedule) in cases {
-        let timeline = Timeline::new(&platform, &schedule).unwrap();
+        let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
         let expected = step_by_step(&platform, &timeline, &mut |_| {}).unwrap();
         let options = with(TruthModel::Nonlinear, FilterModel::Linear);
         let simulation = Simulation::new(&platform, &timeline, options).unwrap();
@@ -39,7 +39,7 @@ fn the_linear_filters_sigma_is_that_of_the_covariance_chain() {
 #[test]
 fn each_filter_bears_what_its_linearisation_bears() {
     let platform = platform(0.01, |_| {});
-    let timeline = Timeline::new(&platform, &optimised()).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &optimised()).unwrap();
     // Drift of 0.15 and 0.08 °/h; larger and larger misalignments.
     let sizes = [0.01, 0.1, 0.3, 1.0, 3.0, 10.0].map(|misalignment_deg| PriorSize {
         misalignment_deg,

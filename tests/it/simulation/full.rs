@@ -303,7 +303,7 @@ fn what_the_filter_ignores_shows_as_the_budget_says() {
     let options = with(TruthModel::FirstOrder, FilterModel::Linear);
     let found = monte_carlo(&ignoring, 500, options);
     assert_consistent(&found);
-    let timeline = Timeline::new(platform, schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), schedule).unwrap();
     let full = CovarianceModel::new(platform)
         .full_covariance(&timeline)
         .unwrap();
@@ -419,7 +419,7 @@ fn errors_known_exactly_leave_everything_as_it_is() {
 #[test]
 fn a_run_of_a_full_monte_carlo_can_be_looked_at() {
     let (platform, schedule) = considered(0.01);
-    let timeline = Timeline::new(&platform, &schedule).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
     for filter in [FilterModel::Linear, FilterModel::Extended] {
         let options = with(TruthModel::FirstOrder, filter);
         let simulation = Simulation::new(&platform, &timeline, options).unwrap();

@@ -192,12 +192,12 @@ fn a_run_of_the_monte_carlo_can_be_looked_at() {
 #[test]
 fn what_cannot_be_simulated_is_refused() {
     let platform = platform(1.0, |c| c.filter.period_s = 0.01);
-    let timeline = Timeline::new(&platform, &optimised()).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &optimised()).unwrap();
     let error = Simulation::new(&platform, &timeline, SimulationOptions::default()).unwrap_err();
     assert_eq!(error.key(), Some("filter.period_s"));
     let platform = super::platform(1.0, |_| {});
     let options = SimulationOptions::default().with_told(ToldNoise::both(0.0));
-    let timeline = Timeline::new(&platform, &optimised()).unwrap();
+    let timeline = Timeline::new(&platform.clone().into(), &optimised()).unwrap();
     assert!(Simulation::new(&platform, &timeline, options).is_err_and(|e| e.is_input()));
     let good = simulation(&platform, &optimised(), SimulationOptions::default());
     assert_eq!(good.monte_carlo(1, 1).unwrap_err().key(), Some("runs"));

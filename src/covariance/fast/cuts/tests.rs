@@ -55,7 +55,7 @@ fn positions() -> Vec<ScheduledPosition> {
 }
 
 fn timeline(platform: &Platform, positions: &[ScheduledPosition]) -> Timeline {
-    Timeline::unchecked(platform, positions.iter().copied())
+    Timeline::unchecked(&platform.clone().into(), positions.iter().copied())
 }
 
 fn information(model: &CovarianceModel, timeline: &Timeline, rule: TickRule) -> CoefficientMatrix {

@@ -156,7 +156,7 @@ fn positions(random: &mut Random, platform: &Platform, count: usize) -> Vec<Sche
 }
 
 fn timeline(platform: &Platform, positions: &[ScheduledPosition]) -> Timeline {
-    Timeline::unchecked(platform, positions.iter().copied())
+    Timeline::unchecked(&platform.clone().into(), positions.iter().copied())
 }
 
 /// A central difference of sixth order.
