@@ -426,6 +426,22 @@ pub fn claims(document: &EvaluationDocument) -> Option<String> {
     ))
 }
 
+/// What D_F means under a rate random walk, and how well its constant part is known; none without one.
+pub fn constant_part(document: &EvaluationDocument) -> Option<String> {
+    let parts = document.parameters.iter().filter_map(|p| {
+        let sigma = p.constant_part_sigma?;
+        Some(format!("{} {}", p.name, number(sigma)))
+    });
+    let parts: Vec<String> = parts.collect();
+    (!parts.is_empty()).then(|| {
+        format!(
+            "The drift walks: D_F is the drift at the end of the test, its constant part and what the rate \
+             random walk has come to. 1 sigma of the constant part alone: {} deg/h.",
+            listed(&parts)
+        )
+    })
+}
+
 /// What is changed for [`EvaluationDocument::limits`], and how that is counted.
 pub const LIMITS: &str = "The criterion with one thing better, as a ratio to that of the plan. The total \
     time stays; time that is saved goes to the dwells in proportion, and the schedule is not searched \

@@ -16,7 +16,8 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
-use super::program::Drive;
+use super::program::{Drive, LinearTransition};
+use super::square_root::Shape;
 use super::truth::normal3;
 use crate::model::{Colour, Markov};
 use crate::platform::Platform;
@@ -92,9 +93,11 @@ impl Process {
     }
 }
 
-/// What wanders, in °/h and arcsec.
+/// What wanders, in °/h and arcsec, beside parameters that are estimated.
 #[derive(Debug, Clone)]
 pub(super) struct Wandering {
+    /// How many parameters these are.
+    estimated: usize,
     drift: Vec<Process>,
     biases: Vec<Process>,
 }
@@ -108,11 +111,20 @@ pub(super) struct Fading {
     pub noise: DMatrix<f64>,
 }
 
+impl Fading {
+    /// What becomes of states that wander, but for the noise.
+    pub fn fade(&self, states: &mut [f64]) {
+        let kept = states.iter_mut().zip(&self.kept);
+        kept.for_each(|(state, kept)| *state *= kept);
+    }
+}
+
 impl Wandering {
     /// Of a platform; none where noise is white.
     pub fn of(platform: &Platform) -> Option<Self> {
         let of = |colour: &Colour| Process::of(&colour.times(ARCSEC_PER_RAD));
         (!platform.is_white()).then(|| Self {
+            estimated: platform.errors().estimated(),
             drift: of(platform.drift_colour()),
             biases: of(platform.accelerometer_colour()),
         })
@@ -125,6 +137,15 @@ impl Wandering {
     /// How many states there are.
     pub fn states(&self) -> usize {
         3 * self.all().count()
+    }
+
+    /// The states of a filter that knows of `wandering`, if it knows of any, beside so many parameters.
+    pub fn shape(wandering: Option<&Self>, parameters: usize) -> Shape {
+        Shape {
+            parameters,
+            wandering: wandering.map_or(0, Self::states),
+            has_walk: wandering.is_some_and(Self::has_walk),
+        }
     }
 
     /// Whether the drift has a random walk, which then is the first of the states.
@@ -142,9 +163,18 @@ impl Wandering {
         self.all().flat_map(|p| [p.start_sigma(); 3]).collect()
     }
 
-    /// `drive` with columns of the states behind those of the first `estimated` parameters: what d̄ of an
-    /// interval does, as D_F does it.
-    pub fn driving(&self, drive: &Drive, estimated: usize, length_s: f64) -> Drive {
+    /// What becomes of ψ^n and of the states in an interval: ψ^n ← Φ ψ^n + B D.
+    pub fn transition(&self, phi: Matrix3<f64>, b: &Drive, length_s: f64) -> LinearTransition {
+        LinearTransition {
+            phi,
+            b: self.driving(b, length_s),
+            fading: self.fading(&b.fixed_columns::<3>(0).into_owned(), length_s),
+        }
+    }
+
+    /// `drive` with columns of the states behind those of the estimated parameters: what d̄ of an interval
+    /// does, as D_F does it.
+    fn driving(&self, drive: &Drive, length_s: f64) -> Drive {
         let constant = drive.fixed_columns::<3>(0).into_owned();
         let of = |process: Process| match length_s > 0.0 {
             true => constant * process.stride(length_s).mean,
@@ -152,19 +182,19 @@ impl Wandering {
         };
         let drift = self.drift.iter().map(|p| of(*p));
         let biases = self.biases.iter().map(|_| Matrix3::zeros());
-        widened(drive, estimated, drift.chain(biases))
+        widened(drive, self.estimated, drift.chain(biases))
     }
 
     /// The same of what the accelerometers show where the platform stands as `attitude`.
-    pub fn shown(&self, output: &Drive, estimated: usize, attitude: &Matrix3<f64>) -> Drive {
+    pub fn shown(&self, output: &Drive, attitude: &Matrix3<f64>) -> Drive {
         let drift = self.drift.iter().map(|_| Matrix3::zeros());
         let biases = self.biases.iter().map(|_| *attitude);
-        widened(output, estimated, drift.chain(biases))
+        widened(output, self.estimated, drift.chain(biases))
     }
 
     /// What the states do over an interval in which D_F of 1 °/h turns the platform by `constant`; none
     /// where it takes no time.
-    pub fn fading(&self, constant: &Matrix3<f64>, length_s: f64) -> Option<Fading> {
+    fn fading(&self, constant: &Matrix3<f64>, length_s: f64) -> Option<Fading> {
         if length_s <= 0.0 {
             return None;
         }
@@ -180,10 +210,10 @@ impl Wandering {
                 noise[(at, at)] = stride.a;
                 if is_drift {
                     let turned = constant.column(i).transpose();
-                    let psi = noise.view_mut((at, states), (1, 3));
-                    (turned * stride.b).iter().zip(psi.into_iter_mut()).for_each(|(v, to)| *to = *v);
-                    let psi = noise.view_mut((states + at, states), (1, 3));
-                    (turned * stride.c).iter().zip(psi.into_iter_mut()).for_each(|(v, to)| *to = *v);
+                    for (row, share) in [(at, stride.b), (states + at, stride.c)] {
+                        let mut psi = noise.fixed_view_mut::<1, 3>(row, states);
+                        psi.copy_from(&(turned * share));
+                    }
                 }
             }
         }
@@ -198,10 +228,12 @@ fn widened(drive: &Drive, estimated: usize, more: impl Iterator<Item = Matrix3<f
     let (first, last) = (drive.columns(0, estimated), estimated + 3 * more.len());
     wide.columns_mut(0, estimated).copy_from(&first);
     for (k, block) in more.iter().enumerate() {
-        wide.fixed_columns_mut::<3>(estimated + 3 * k).copy_from(block);
+        wide.fixed_columns_mut::<3>(estimated + 3 * k)
+            .copy_from(block);
     }
     let rest = drive.ncols() - estimated;
-    wide.columns_mut(last, rest).copy_from(&drive.columns(estimated, rest));
+    wide.columns_mut(last, rest)
+        .copy_from(&drive.columns(estimated, rest));
     wide
 }
 
@@ -241,10 +273,9 @@ impl<'a> TrueWandering<'a> {
         sum
     }
 
-    /// What the random walk of the drift has come to, °/h.
-    pub fn walked(&self) -> Vector3<f64> {
-        let first = self.values.first().filter(|_| self.model.has_walk());
-        first.copied().unwrap_or_default()
+    /// All of it in the order of the states.
+    pub fn states(&self) -> impl Iterator<Item = f64> {
+        self.values.iter().flatten().copied()
     }
 
     /// What of the biases wanders, arcsec.
@@ -254,18 +285,16 @@ impl<'a> TrueWandering<'a> {
 }
 
 #[cfg(test)]
+mod ignorance;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
     /// Two strides are one: means and ends have the covariances that they have in one.
     #[test]
     fn strides_compose() {
-        let markov = |time_s| {
-            Process::Markov(Markov {
-                sigma: 0.7,
-                time_s,
-            })
-        };
+        let markov = |time_s| Process::Markov(Markov { sigma: 0.7, time_s });
         let all = [3e4, 400.0, 20.0, 3.0].map(markov);
         for process in [Process::Walk(1e-4)].into_iter().chain(all) {
             for [first_s, second_s] in [[10.0, 10.0], [4.0, 31.0]] {

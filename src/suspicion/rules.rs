@@ -21,6 +21,10 @@
 //! | random drift | as random walk ten times above commercial grade | no gyro of a platform is |
 //! | accelerometer noise | averages in an hour to a thousandth of the best bias | no accelerometer does |
 //! | accelerometer noise | averages in an hour to more than 100 µg | no accelerometer of a platform does |
+//! | rate random walk, bias instability of gyros | below 1e-6 or above 1000 °/h(/√h) | a tenth of the best and ten times the worst gyro |
+//! | acceleration random walk, bias instability of accelerometers | below 0.001 or above 10 000 µg(/√h) | likewise |
+//! | noise density of accelerometers | below 0.01 or above 10 000 µg/√Hz | likewise |
+//! | correlation time | below 10 s or above 1e6 s | hours, and milliseconds |
 //! | specification | below 1e-6 °/h | a hundredth of a strategic-grade drift; 0.005 °/h are 2.4e-8 rad/s |
 //! | total time | less than 30 filter periods | 15 unknowns take more; 200 minutes are 12 000 s |
 //! | total time | above 14 days | milliseconds |
@@ -71,6 +75,7 @@ pub(super) fn study(config: &StudyConfig, defaulted: &[String]) -> Vec<Warning> 
     found.motion(config);
     found.priors(config);
     found.noises(config);
+    found.0.extend(super::wandering::study(config));
     found.times(config);
     found.specification(config);
     found.period_alone(config, defaulted);
