@@ -47,6 +47,7 @@ use crate::model::{Colour, ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
+use fast::coloured::Coloured;
 use fast::information::PriorScale;
 use fast::mixing::Mixing;
 use kernel_table::KernelTable;
@@ -113,6 +114,8 @@ pub struct CovarianceModel {
     pub(crate) errors: ErrorModel,
     /// The same for the fast route, where there are more than the paper has.
     mixing: Option<Mixing>,
+    /// The same where drift or biases wander.
+    coloured: Option<Box<Coloured>>,
     /// Variance of the azimuth measured in a period, arcsec².
     pub(crate) azimuth_variance: Option<f64>,
     /// ω_ie^n, rad/s.
@@ -142,7 +145,7 @@ impl CovarianceModel {
         let azimuth_variance = platform
             .azimuth_noise_rad
             .map(|v| Angle::from_rad(v).arcsec().powi(2));
-        Self {
+        let mut model = Self {
             dynamics,
             drift_psd,
             // rad/s to °/h = arcsec/s, and g = rad of tilt to arcsec.
@@ -164,7 +167,11 @@ impl CovarianceModel {
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
-        }
+            coloured: None,
+        };
+        let settle_s = platform.motion.settle_s;
+        model.coloured = Coloured::of(&model, &[], settle_s).map(Box::new);
+        model
     }
 
     /// The same, working out several schedules in at most `most` lanes: 4 keeps to AVX2 where
@@ -179,6 +186,9 @@ impl CovarianceModel {
     pub(crate) fn seeing(mut self, others: &[usize]) -> Self {
         if self.mixing.is_some() {
             self.mixing = Some(Mixing::new(&self.errors, others));
+        }
+        if let Some(coloured) = self.coloured.take() {
+            self.coloured = Some(Box::new(coloured.seeing(&self, others)));
         }
         self
     }

@@ -60,6 +60,11 @@ impl Layout {
         }
     }
 
+    /// The processes of the drift, and those of the biases.
+    pub fn blocks(&self) -> (&[Process], &[Process]) {
+        (&self.drift, &self.biases)
+    }
+
     /// All processes in the order of their blocks.
     pub fn processes(&self) -> impl Iterator<Item = Process> + '_ {
         self.drift.iter().chain(&self.biases).copied()

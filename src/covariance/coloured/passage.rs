@@ -21,7 +21,7 @@ use crate::covariance::real::Real;
 use crate::dynamics::ErrorDynamics;
 use crate::model::{Colour, Markov};
 use crate::motion::Move;
-use crate::motion::integral::sixteen_nodes;
+use crate::motion::integral::{eight_nodes, sixteen_nodes};
 
 /// A process that each of three instruments has.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -166,45 +166,58 @@ impl<T: Real> Share<T> {
     }
 }
 
-/// What `integrated` polynomials through the nodes are from each node to the end of [0, 1].
-struct Nodes {
-    /// Place and weight on [0, 1].
-    nodes: Vec<(f64, f64)>,
+/// A rule of Gauss on [0, 1], and what polynomials through its nodes are when integrated from each node
+/// to the end.
+pub(crate) struct Nodes {
+    /// Place and weight.
+    pub nodes: Vec<(f64, f64)>,
     /// ∫ from node i to 1 of the polynomial that is 1 at node k.
-    rest: Vec<Vec<f64>>,
+    pub rest: Vec<Vec<f64>>,
 }
 
-static NODES: LazyLock<Nodes> = LazyLock::new(|| {
-    let nodes = sixteen_nodes().to_vec();
-    let count = nodes.len();
-    // P_0 … P_count at every node on [−1, 1].
-    let legendre: Vec<Vec<f64>> = nodes
-        .iter()
-        .map(|(place, _)| {
-            let x = 2.0 * place - 1.0;
-            let mut p = vec![1.0, x];
-            for k in 2..=count {
-                let of = k as f64;
-                p.push(((2.0 * of - 1.0) * x * p[k - 1] - (of - 1.0) * p[k - 2]) / of);
-            }
-            p
-        })
-        .collect();
-    // ℓ_k = w_k Σ_n (2n + 1) P_n(x_k) P_n, w_k those of [0, 1], and (2n + 1) ∫_x^1 P_n = P_{n−1} − P_{n+1}
-    // at x, half of it in the unit of [0, 1].
-    let rest = |i: usize, k: usize| {
-        let at = |n: usize| legendre[i][n];
-        let first = 1.0 - at(1);
-        let more = (1..count).map(|n| legendre[k][n] * (at(n - 1) - at(n + 1)));
-        0.5 * nodes[k].1 * (first + more.sum::<f64>())
-    };
-    Nodes {
-        rest: (0..count)
-            .map(|i| (0..count).map(|k| rest(i, k)).collect())
-            .collect(),
-        nodes,
+impl Nodes {
+    fn of(nodes: &[(f64, f64)]) -> Self {
+        let count = nodes.len();
+        // P_0 … P_count at every node on [−1, 1].
+        let legendre: Vec<Vec<f64>> = nodes
+            .iter()
+            .map(|(place, _)| {
+                let x = 2.0 * place - 1.0;
+                let mut p = vec![1.0, x];
+                for k in 2..=count {
+                    let of = k as f64;
+                    p.push(((2.0 * of - 1.0) * x * p[k - 1] - (of - 1.0) * p[k - 2]) / of);
+                }
+                p
+            })
+            .collect();
+        // ℓ_k = w_k Σ_n (2n + 1) P_n(x_k) P_n, w_k those of [0, 1], and (2n + 1) ∫_x^1 P_n =
+        // P_{n−1} − P_{n+1} at x, half of it in the unit of [0, 1].
+        let rest = |i: usize, k: usize| {
+            let at = |n: usize| legendre[i][n];
+            let first = 1.0 - at(1);
+            let more = (1..count).map(|n| legendre[k][n] * (at(n - 1) - at(n + 1)));
+            0.5 * nodes[k].1 * (first + more.sum::<f64>())
+        };
+        Self {
+            rest: (0..count)
+                .map(|i| (0..count).map(|k| rest(i, k)).collect())
+                .collect(),
+            nodes: nodes.to_vec(),
+        }
     }
-});
+}
+
+static NODES: LazyLock<Nodes> = LazyLock::new(|| Nodes::of(sixteen_nodes()));
+static EIGHT: LazyLock<Nodes> = LazyLock::new(|| Nodes::of(eight_nodes()));
+
+/// How many nodes a search has in a panel.
+pub(crate) const NODES_IN_PANEL: usize = 8;
+
+/// They.
+pub(crate) fn panel_nodes() -> &'static Nodes {
+    &EIGHT
+}
 
 /// A panel of a move: Φ(t_1 − t) C_c^n(t) at its nodes.
 struct Panel {
