@@ -14,7 +14,7 @@ use super::moving::Panel;
 use super::wander::{Kernel, Share, Wander, add_noise, transition};
 use super::{Columns, Place, shift};
 use crate::attitude::{EAST, NORTH, UP};
-use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, three};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
 use crate::covariance::fast::course::{Grows, Legs, Stretch};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::Interval;
@@ -24,6 +24,8 @@ use crate::covariance::fast::square::Entries;
 pub(super) trait Wanders<A: Arithmetic>: Legs<A> {
     /// The numbers of the kernel of a dwell's whole periods; none where no lane has any.
     fn kernel(&self, leg: usize) -> Option<Vec<A::Number>>;
+    /// More than 0 where a lane's dwell has whole periods.
+    fn holds(&self, leg: usize) -> A::Number;
     /// In how many panels a stretch of a move is gone through, at most, and in every lane; 0 where it
     /// takes no time.
     fn panels(&self, leg: usize, index: usize) -> (usize, A::Number);
@@ -197,6 +199,42 @@ impl<A: Arithmetic, const S: usize, const I: usize> Tape<A, S, I> {
     }
 }
 
+/// A piece of a leg, compiled once for all places where it happens: all in one function takes the compiler
+/// minutes.
+enum Piece<'b, A: Arithmetic> {
+    Turn(At, Turning, &'b Entries<A::Number>),
+    Panel((usize, usize), &'b Stretch<A::Number, A::Panels>, A::Number),
+    Pass(&'b Place<A>, A::Number, u32),
+    Dwell(&'b [A::Number], &'b Place<A>),
+    Measure(At, Channel, A::Number, f64, Grows<A::Number>, &'b Place<A>),
+}
+
+/// One of them on its leg.
+struct Apart<'b, 'a, A: Arithmetic, L, const S: usize, const I: usize> {
+    forward: &'b mut Forward<'a, A, L, S, I>,
+    leg: usize,
+    piece: Piece<'b, A>,
+}
+
+impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Work
+    for Apart<'_, '_, A, L, S, I>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (forward, leg) = (self.forward, self.leg);
+        match self.piece {
+            Piece::Turn(at, kind, q) => forward.turn(leg, at, kind, q),
+            Piece::Panel(of, s, count) => forward.panel(leg, of, s, count),
+            Piece::Pass(at, length_s, halves) => forward.pass(leg, at, length_s, halves),
+            Piece::Dwell(kernel, at) => forward.dwell(leg, &Kernel::read(kernel), at),
+            Piece::Measure(index, channel, weight, ratio, grows, at) => {
+                forward.measure_one((leg, index), channel, weight, ratio, grows, at);
+            }
+        }
+    }
+}
+
 /// The chain on its way through the legs.
 pub(super) struct Forward<'a, A: Arithmetic, L, const S: usize, const I: usize> {
     pub ar: A,
@@ -251,6 +289,16 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
     }
 
     #[inline(always)]
+    fn apart(&mut self, leg: usize, piece: Piece<'_, A>) {
+        let ar = self.ar;
+        ar.always_apart(Apart {
+            forward: self,
+            leg,
+            piece,
+        });
+    }
+
+    #[inline(always)]
     fn place(&self, leg: usize) -> Place<A> {
         Place::at_rest(self.ar, self.columns, self.earth, self.legs.attitude(leg))
     }
@@ -284,14 +332,15 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
             }
             if self.legs.settles(leg) {
                 let (length_s, halves) = (self.legs.settle_s(leg), self.wander.settle_halves);
-                self.pass(leg, &at, length_s, halves);
+                self.apart(leg, Piece::Pass(&at, length_s, halves));
             }
             if let Some(kernel) = self.legs.kernel(leg) {
-                self.dwell(leg, &Kernel::read(&kernel), &at);
+                self.apart(leg, Piece::Dwell(&kernel, &at));
             }
             if self.legs.remains(leg) {
                 let (length_s, weight) = self.legs.remainder(leg);
-                self.pass(leg, &at, length_s, self.wander.rest_halves);
+                let halves = self.wander.rest_halves;
+                self.apart(leg, Piece::Pass(&at, length_s, halves));
                 if self.tape.on {
                     let (v, p) = self.keep();
                     self.step(leg, Step::Length { v, p });
@@ -343,7 +392,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         if self.legs.rotates(leg) {
             self.leave(leg, None, from, one);
             let q = product_transposed(&at.c, &from.c);
-            self.turn(leg, None, Turning::Across, &q);
+            self.apart(leg, Piece::Turn(None, Turning::Across, &q));
             self.reach(leg, None, at, one);
         }
         for index in 0..self.legs.stretches(leg) {
@@ -404,15 +453,15 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let (most, count) = self.legs.panels(leg, index);
         if most == 0 {
             let q = self.where_turning(turns, &product_transposed(&end.c, &start.c));
-            self.turn(leg, Some(index), Turning::Across, &q);
+            self.apart(leg, Piece::Turn(Some(index), Turning::Across, &q));
         } else {
             let into = self.where_turning(turns, &transpose(&start.c));
-            self.turn(leg, Some(index), Turning::Into, &into);
+            self.apart(leg, Piece::Turn(Some(index), Turning::Into, &into));
             for panel in 0..most {
-                self.panel(leg, (index, panel), &s, count);
+                self.apart(leg, Piece::Panel((index, panel), &s, count));
             }
             let out_of = self.where_turning(turns, &end.c);
-            self.turn(leg, Some(index), Turning::OutOf, &out_of);
+            self.apart(leg, Piece::Turn(Some(index), Turning::OutOf, &out_of));
         }
         let of = integral(ar, columns, earth, &s.turn, &s.interval, &s.panels);
         let b = columns.spread(ar, &of);
@@ -493,10 +542,13 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let u = product_transposed(&root, &w);
         let m = difference(&k.a_x, &product(&u, &k.j));
         let n = difference(&k.a_u, &product(&u, &k.cross));
-        self.p = square(&root);
+        let (end, holds) = (square(&root), self.legs.holds(leg));
+        let zero = self.ar.number(0.0);
         for i in 0..S {
             for j in 0..S {
-                self.p[i][j] = self.p[i][j] + k.c[i][j];
+                // A lane that waits keeps it to the bit.
+                let p = end[i][j] + k.c[i][j];
+                self.p[i][j] = p.where_greater(holds, zero, self.p[i][j]);
             }
         }
         let row = self.told.count();
@@ -552,17 +604,25 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         index: At,
         at: &Place<A>,
     ) {
-        let mut one = |channel, weight, ratio| {
-            self.measure_one((leg, index), channel, weight, ratio, grows, at);
-        };
-        one(Channel::North, weight, 1.0);
-        one(Channel::East, weight, 1.0);
-        if I > 3 {
-            one(Channel::Vertical, weight, 1.0);
-        }
-        if let Some(ratio) = self.legs.azimuth() {
+        for channel in [
+            Channel::North,
+            Channel::East,
+            Channel::Vertical,
+            Channel::Up,
+        ] {
+            let ratio = match channel {
+                Channel::Vertical if I == 3 => continue,
+                Channel::Up => match self.legs.azimuth() {
+                    Some(ratio) => ratio,
+                    None => continue,
+                },
+                _ => 1.0,
+            };
             let weight = weight * self.ar.number(ratio);
-            self.measure_one((leg, index), Channel::Up, weight, ratio, grows, at);
+            self.apart(
+                leg,
+                Piece::Measure(index, channel, weight, ratio, grows, at),
+            );
         }
         if I == 3 && !at.output.is_empty() {
             self.vertical(leg, weight, Some(grows), index, at);
@@ -626,7 +686,11 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
             }
         }
         if let Some(own) = own {
-            self.shrink(own, &h, &column, left, &y);
+            if I > 3 {
+                self.shrink_among(own, &h, &column, (weight, left), &y);
+            } else {
+                self.shrink(own, &column, left, &y);
+            }
         }
         if self.tape.on {
             let step = Step::Measure {
@@ -643,16 +707,34 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         }
     }
 
-    /// h V = y/s and P hᵀ = p/s, for the component `own` of x.
+    /// V = y/s and P hᵀ = p/s, for the component `own` of x that is seen alone.
     #[inline(always)]
-    fn shrink(
+    fn shrink(&mut self, own: usize, column: &[A::Number; S], left: A::Number, y: &[A::Quad]) {
+        let width = self.columns.width;
+        for q in 0..width {
+            self.v[own * width + q] = y[q].times(left);
+        }
+        for i in 0..S {
+            let of = column[i] * left;
+            self.p[i][own] = of;
+            self.p[own][i] = of;
+        }
+    }
+
+    /// h V = y/s and P hᵀ = p/s, for the component `own` of x among others that are seen.
+    #[inline(always)]
+    fn shrink_among(
         &mut self,
         own: usize,
         h: &[Option<A::Number>; S],
         column: &[A::Number; S],
-        left: A::Number,
+        (weight, left): (A::Number, A::Number),
         y: &[A::Quad],
     ) {
+        let (zero, one) = (self.ar.number(0.0), self.ar.number(1.0));
+        // A lane that waits keeps everything to the bit.
+        let counts = one.where_greater(weight, zero, zero);
+        let waits = one - counts;
         let width = self.columns.width;
         for q in 0..width {
             let mut sum = y[q].times(left);
@@ -663,7 +745,8 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
                     sum = self.v[j * width + q].times_add(-h, sum);
                 }
             }
-            self.v[own * width + q] = sum;
+            let to = &mut self.v[own * width + q];
+            *to = sum.times(counts).plus(to.times(waits));
         }
         // `own` last: of the others its own entry is made.
         for k in 0..S {
@@ -676,6 +759,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
                     sum = sum - h * self.p[i][j];
                 }
             }
+            let sum = sum.where_greater(weight, zero, self.p[i][own]);
             self.p[i][own] = sum;
             self.p[own][i] = sum;
         }

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::course::Wanders;
 use super::ending::{Back, Ending, Pull, Run};
-use super::{Coloured, by_size};
+use super::{Coloured, Size};
 use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register,
 };
@@ -51,6 +51,13 @@ impl<S: Simd, L: Alignment> Wanders<Lanes<S, L>> for Group<'_, S, L> {
             out.push(Register::gather(self.ar.0, &values));
         }
         Some(out)
+    }
+    #[inline(always)]
+    fn holds(&self, leg: usize) -> Lane<S, L> {
+        self.gather(|t| match leg < t.count() {
+            true => t.holds(leg),
+            false => 0.0,
+        })
     }
     #[inline(always)]
     fn panels(&self, leg: usize, index: usize) -> (usize, Lane<S, L>) {
@@ -216,7 +223,12 @@ impl CovarianceModel {
                 run_in_registers(self.most_lanes, values).ok()
             }};
         }
-        let found = by_size!(coloured.wander.size, run);
+        let found = match coloured.wander.size {
+            Size::Six => run!(6, 3),
+            Size::Nine => run!(9, 3),
+            // So many states take as long one by one, and the compiler half a minute more.
+            Size::Fifteen => None,
+        };
         // Plain numbers need no lanes of their own.
         found.unwrap_or_else(|| {
             let alone =
@@ -277,7 +289,11 @@ impl CovarianceModel {
                     let _ = run_in_registers(self.most_lanes, task);
                 }};
             }
-            by_size!(coloured.wander.size, run);
+            match coloured.wander.size {
+                Size::Six => run!(6, 3),
+                Size::Nine => run!(9, 3),
+                Size::Fifteen => alone.extend_from_slice(of),
+            }
         }
         for i in alone {
             out[i] = self.coloured_gradient(coloured, &timelines[i], rule, &mut |p| merit(p));

@@ -22,6 +22,10 @@ impl<A: Single> Wanders<A> for OneTimeline<'_, A> {
         (periods > 0).then(|| coloured.wander.kernel(periods).into_owned())
     }
     #[inline(always)]
+    fn holds(&self, leg: usize) -> f64 {
+        self.periods(leg) as f64
+    }
+    #[inline(always)]
     fn panels(&self, leg: usize, index: usize) -> (usize, f64) {
         let (Some(m), Some(coloured)) = (self.slew(leg), self.model.coloured.as_deref()) else {
             return (0, 0.0);

@@ -416,7 +416,8 @@ impl Kernels {
         push(&kernel.r12, false, false);
         push(&kernel.a_x, true, true);
         push(&kernel.a_u, false, false);
-        push(&(&kernel.u * kernel.u.transpose()), true, false);
+        let c = &kernel.u * kernel.u.transpose();
+        push(&((&c + c.transpose()) * 0.5), true, false);
         push(&(kernel.r11.transpose() * &kernel.r11), true, false);
         push(&(kernel.r11.transpose() * &kernel.r12), false, false);
         out.extend_from_slice(kernel.r22.transpose().as_slice());
