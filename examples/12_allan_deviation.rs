@@ -75,13 +75,18 @@ impl Reading {
     }
 }
 
+/// Where the picture begins, °/h.
+const LEAST: f64 = 1e-4;
+
 /// Over x = 1 + lg τ: the axis has names for whole numbers.
 fn picture(platform: &Platform, reading: &Reading) -> Figure {
-    let taus = (0..=500).map(|i| 10.0_f64.powf(f64::from(i) / 100.0));
+    let taus = (0..=520).map(|i| 10.0_f64.powf(f64::from(i) / 100.0));
     let taus: Vec<f64> = taus.collect();
     let place = |tau_s: f64| 1.0 + tau_s.log10();
+    // A line that is below the picture begins where it enters it.
     let line = |value: &dyn Fn(f64) -> f64| -> Vec<[f64; 2]> {
-        taus.iter().map(|t| [place(*t), value(*t)]).collect()
+        let points = taus.iter().map(|t| [place(*t), value(*t)]);
+        points.filter(|[_, y]| *y >= LEAST).collect()
     };
     let style = |color, dash| Style {
         color,
@@ -104,8 +109,8 @@ fn picture(platform: &Platform, reading: &Reading) -> Figure {
     let names = ["1", "10", "100", "1000", "10 000", "100 000"];
     let mut panel = Panel::new("", "averaging time τ, s", "Allan deviation, °/h")
         .with_x_names(names.map(str::to_owned).to_vec())
-        .with_x_range(1.0, 6.0)
-        .with_y_range(1e-4, 0.1)
+        .with_x_range(1.0, 6.2)
+        .with_y_range(LEAST, 0.1)
         .with_y_scale(Scale::Log)
         .with_curve(Curve::new(
             "angle random walk N, slope −1/2",

@@ -382,7 +382,9 @@ impl Certifier {
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
     pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
-        if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
+        let known = criterion.known_before(&self.conditions.prior_sigma);
+        // A drift that is known and wanders is not known at the end.
+        if let Some(known) = known.filter(|_| self.conditions.noise_left_out.is_empty()) {
             return vec![Remark::KnownBefore(known)];
         }
         if criterion.counts_only_others() {
