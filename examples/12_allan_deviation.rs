@@ -5,6 +5,8 @@
 //! cargo run --release --example 12_allan_deviation -- docs/figures
 //! ```
 
+#![allow(clippy::print_stdout, reason = "an example shows its result")]
+
 use std::path::PathBuf;
 
 use scheme_opt::internals::platform::{Platform, PlatformConfig};
