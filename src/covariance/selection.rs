@@ -397,7 +397,15 @@ impl CovarianceModel {
     ///
     /// As [`CovarianceModel::full_covariance`].
     pub(crate) fn truth(&self, timeline: &Timeline) -> Result<FullCovariance> {
-        let rule = TickRule::Filter;
+        self.truth_by(timeline, TickRule::Filter)
+    }
+
+    /// The same by any tick rule.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::full_covariance`].
+    pub(crate) fn truth_by(&self, timeline: &Timeline, rule: TickRule) -> Result<FullCovariance> {
         if self.is_of_the_paper() {
             let end = self.end_covariance(timeline, rule)?;
             return Ok(FullCovariance::of_coefficients(end));

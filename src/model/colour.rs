@@ -45,6 +45,30 @@ impl Colour {
         usize::from(self.random_walk.is_some()) + usize::from(self.markov.is_some())
     }
 
+    /// Allan variance of averages over `tau_s`, u² (IEEE Std 952, annex C):
+    ///
+    /// ```text
+    /// random walk    K² τ/3
+    /// Gauss–Markov   (2σ²/x) (1 − (3 − 4 e⁻ˣ + e⁻²ˣ)/2x),   x = τ/T
+    /// ```
+    ///
+    /// its root has the slope +½ in a logarithmic plot, and a hump of 0.617 σ at τ = 1.89 T.
+    ///
+    /// ```
+    /// use scheme_opt::internals::platform::PlatformConfig;
+    /// let text = "[gyro]\nbias_instability_deg_per_h = 0.003\nbias_correlation_time_s = 600\n";
+    /// let config: PlatformConfig = toml::from_str(text).unwrap();
+    /// // rad/s; 1 rad/s is 206 265 °/h.
+    /// let drift = config.check()?.drift_colour().times(206_264.806);
+    /// let hump = drift.allan_variance(1134.0).sqrt();
+    /// assert!((hump / (0.617 * 0.003) - 1.0).abs() < 1e-3);
+    /// # Ok::<(), scheme_opt::Error>(())
+    /// ```
+    pub fn allan_variance(&self, tau_s: f64) -> f64 {
+        let walk = self.random_walk.map_or(0.0, |k2| k2 * tau_s / 3.0);
+        walk + self.markov.map_or(0.0, |m| m.allan_variance(tau_s))
+    }
+
     /// The same where the unit is `factor` times smaller.
     pub fn times(&self, factor: f64) -> Self {
         Self {
@@ -61,6 +85,20 @@ impl Markov {
     /// e^{−t/τ}: what is left of a value after `t_s`.
     pub fn kept(&self, t_s: f64) -> f64 {
         libm::exp(-t_s / self.time_s)
+    }
+
+    /// Allan variance of averages over `tau_s`, u².
+    fn allan_variance(&self, tau_s: f64) -> f64 {
+        let x = tau_s / self.time_s;
+        let share = match x < 1e-3 {
+            // Where the terms cancel.
+            true => x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)),
+            false => {
+                let [once, twice] = [1.0, 2.0].map(|n: f64| libm::exp(-n * x));
+                (1.0 - (3.0 - 4.0 * once + twice) / (2.0 * x)) / x
+            }
+        };
+        2.0 * self.sigma * self.sigma * share
     }
 
     /// σ² (1 − e^{−2t/τ}): the variance that comes anew in `t_s`, u².
@@ -88,6 +126,30 @@ mod tests {
         }
         // What comes anew in a short time is 2 σ² t/τ.
         assert!((markov.renewed(1e-6) / (2.0 * 0.09 * 1e-6 / 900.0) - 1.0).abs() < 1e-8);
+    }
+
+    /// Half the mean square of the difference of neighbouring averages: their variance less their
+    /// covariance.
+    #[test]
+    fn the_allan_variance_is_that_of_neighbouring_averages() {
+        let markov = Markov {
+            sigma: 0.3,
+            time_s: 900.0,
+        };
+        for x in [2e-3, 0.1, 0.7, 1.89, 5.0, 80.0] {
+            let lost = -libm::expm1(-x);
+            let expected = 0.09 * (2.0 * (x - lost) - lost * lost) / (x * x);
+            let found = markov.allan_variance(x * 900.0);
+            assert!((found / expected - 1.0).abs() < 1e-8, "{x}");
+        }
+        // Both forms meet where one takes over.
+        let [below, above] = [0.999_999e-3, 1.000_001e-3].map(|x| markov.allan_variance(x * 900.0));
+        assert!((above / below - 1.000_002).abs() < 1e-8);
+        let root = |x: f64| markov.allan_variance(x * 900.0).sqrt() / 0.3;
+        let peak = (1..4000)
+            .map(|i| root(1e-3 * f64::from(i)))
+            .fold(0.0, f64::max);
+        assert!((root(1.89) - 0.6174).abs() < 1e-4 && peak - root(1.89) < 1e-5);
     }
 
     #[test]

@@ -1,14 +1,35 @@
 //! Noise of gyros and accelerometers that wanders, and the accelerometers' white noise: the keys of
 //! `[gyro]` and `[accelerometer]`, and the one place that converts them.
 
-use super::{AccelerometerConfig, DEFAULT_NOISE_G, GyroConfig, both_given, in_range};
+use super::{AccelerometerConfig, DEFAULT_NOISE_G, GyroConfig, Platform, both_given, in_range};
 use crate::error::{Error, Result};
 use crate::model::{Colour, Markov};
 use crate::units::AngularRate;
 
+const RATE_RANDOM_WALK: &str = "gyro.rate_random_walk_deg_per_h_per_sqrt_h";
+const DRIFT_INSTABILITY: &str = "gyro.bias_instability_deg_per_h";
+const ACCELERATION_RANDOM_WALK: &str = "accelerometer.acceleration_random_walk_ug_per_sqrt_h";
+const BIAS_INSTABILITY: &str = "accelerometer.bias_instability_ug";
+
 const SECONDS_PER_HOUR: f64 = 3600.0;
 /// g in a micro-g.
 const MICRO: f64 = 1e-6;
+
+impl Platform {
+    /// The keys that make drift or biases wander.
+    pub(crate) fn keys_of_wandering(&self) -> Vec<&'static str> {
+        let (drift, biases) = (self.drift_colour(), self.accelerometer_colour());
+        [
+            (RATE_RANDOM_WALK, drift.random_walk.is_some()),
+            (DRIFT_INSTABILITY, drift.markov.is_some()),
+            (ACCELERATION_RANDOM_WALK, biases.random_walk.is_some()),
+            (BIAS_INSTABILITY, biases.markov.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(key, is_given)| is_given.then_some(key))
+        .collect()
+    }
+}
 
 /// The keys of one kind of instrument, with the values that are given.
 struct Keys {
@@ -60,14 +81,8 @@ impl GyroConfig {
     /// In rad/s.
     pub(super) fn colour(&self) -> Result<Colour> {
         let keys = Keys {
-            random_walk: (
-                "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
-                self.rate_random_walk_deg_per_h_per_sqrt_h,
-            ),
-            instability: (
-                "gyro.bias_instability_deg_per_h",
-                self.bias_instability_deg_per_h,
-            ),
+            random_walk: (RATE_RANDOM_WALK, self.rate_random_walk_deg_per_h_per_sqrt_h),
+            instability: (DRIFT_INSTABILITY, self.bias_instability_deg_per_h),
             time: ("gyro.bias_correlation_time_s", self.bias_correlation_time_s),
             most: (1e4, "0 (none) to 10000"),
         };
@@ -100,13 +115,10 @@ impl AccelerometerConfig {
     pub(super) fn colour(&self) -> Result<Colour> {
         let keys = Keys {
             random_walk: (
-                "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
+                ACCELERATION_RANDOM_WALK,
                 self.acceleration_random_walk_ug_per_sqrt_h,
             ),
-            instability: (
-                "accelerometer.bias_instability_ug",
-                self.bias_instability_ug,
-            ),
+            instability: (BIAS_INSTABILITY, self.bias_instability_ug),
             time: (
                 "accelerometer.bias_correlation_time_s",
                 self.bias_correlation_time_s,

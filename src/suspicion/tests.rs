@@ -454,7 +454,22 @@ impl Draw {
         motion.start_deg = Some([0.0, 0.0, -90.0]);
         c.objective.total_time_s = rounded(self.between(1800.0, 200_000.0));
         c.objective.spec_deg_per_h = PerCoefficient::all(self.spread(1e-4, 1.0));
+        self.wandering(&mut c);
         c
+    }
+    fn wandering(&mut self, c: &mut StudyConfig) {
+        let gyro = &mut c.platform.gyro;
+        gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(self.spread(1e-5, 100.0));
+        gyro.bias_instability_deg_per_h = Some(self.spread(1e-5, 100.0));
+        gyro.bias_correlation_time_s = Some(self.spread(20.0, 2e5));
+        let accelerometer = &mut c.platform.accelerometer;
+        accelerometer.acceleration_random_walk_ug_per_sqrt_h = Some(self.spread(0.01, 1000.0));
+        accelerometer.bias_instability_ug = Some(self.spread(0.01, 1000.0));
+        accelerometer.bias_correlation_time_s = Some(self.spread(20.0, 2e5));
+        if self.0.random_range(0..2) == 0 {
+            accelerometer.noise_g = None;
+            accelerometer.noise_density_ug_per_sqrt_hz = Some(self.spread(0.1, 1000.0));
+        }
     }
     fn schedule(&mut self) -> Schedule {
         let positions = (0..self.0.random_range(2..24)).map(|_| {

@@ -311,10 +311,8 @@ impl Wandering {
         // Cholesky's factor of what is left.
         for j in 0..3 {
             for i in j..3 {
-                let mut sum = left[(ORDER[i], ORDER[j])];
-                for k in 0..j {
-                    sum -= root[i][k] * root[j][k];
-                }
+                let before = root[i].iter().zip(&root[j]).take(j);
+                let sum = before.fold(left[(ORDER[i], ORDER[j])], |sum, (a, b)| sum - *a * *b);
                 root[i][j] = match i == j {
                     true if sum > T::from(0.0) => sum.sqrt(),
                     false if root[j][j] > T::from(0.0) => sum / root[j][j],
