@@ -234,7 +234,7 @@ proptest! {
         // All noises and priors in a unit k times as large: every σ is k times as large.
         let k = 10.0_f64.powf(log);
         let mut scaled = config.clone();
-        scaled.accelerometer.noise_g = Some(k * 1e-5);
+        scaled.accelerometer.noise_g = config.accelerometer.noise_g.map(|noise| k * noise);
         scaled.gyro.random_drift_deg_per_h = config.gyro.random_drift_deg_per_h.map(|d| k * d);
         scaled.prior.misalignment_deg = AxisValue::All(0.1 * k);
         scaled.prior.constant_drift_deg_per_h = AxisValue::All(15.0 * k);
