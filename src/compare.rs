@@ -163,9 +163,6 @@ fn in_best_order(
     terms: &Terms,
 ) -> ComparedSchedule {
     let found = given.and_then(|given| {
-        evaluator
-            .model()
-            .only_white("the search for the best order")?;
         let positions: Vec<_> = given.positions().iter().map(|p| p.position).collect();
         let Terms {
             total_time_s,

@@ -86,6 +86,18 @@ impl StudyConfig {
         }
     }
 
+    /// How many positions a search may have, if that is not said.
+    fn resolve_positions(&mut self) {
+        let gyro = &self.platform.gyro;
+        let wandering = [
+            gyro.rate_random_walk_deg_per_h_per_sqrt_h,
+            gyro.bias_instability_deg_per_h,
+        ];
+        let wanders = wandering.into_iter().flatten().any(|size| size > 0.0);
+        let most = SearchConfig::default_positions(wanders);
+        self.search.max_positions.get_or_insert(most);
+    }
+
     /// Checks every value, and the values against each other.
     ///
     /// # Errors
@@ -128,6 +140,7 @@ impl StudyConfig {
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
+        config.resolve_positions();
         Ok(CheckedConfig {
             config,
             test: platform.into(),
@@ -306,8 +319,10 @@ mod tests {
                 let spec = &mut c.objective.spec_deg_per_h;
                 spec.coefficients.insert(DriftCoefficient::OY, f64::NAN);
             }),
-            ("search.max_positions", |c| c.search.max_positions = 0),
-            ("search.max_positions", |c| c.search.max_positions = 501),
+            ("search.max_positions", |c| c.search.max_positions = Some(0)),
+            ("search.max_positions", |c| {
+                c.search.max_positions = Some(501)
+            }),
             ("search.starts", |c| c.search.starts = 0),
             ("search.starts", |c| c.search.starts = 1_000_001),
             ("search.position_tolerance", |c| {

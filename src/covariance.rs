@@ -42,7 +42,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::model::{Colour, ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
@@ -212,30 +212,6 @@ impl CovarianceModel {
     /// Whether neither drift nor accelerometers wander.
     pub(crate) fn is_white(&self) -> bool {
         self.drift_colour.is_white() && self.accelerometer_colour.is_white()
-    }
-
-    /// Refuses drift and biases that wander, of which `what` does not know.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::is_input`] naming a key.
-    pub(crate) fn only_white(&self, what: &str) -> Result<()> {
-        let key = match (
-            self.drift_colour.is_white(),
-            self.accelerometer_colour.is_white(),
-        ) {
-            (true, true) => return Ok(()),
-            (false, _) => match self.drift_colour.random_walk {
-                Some(_) => "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
-                None => "gyro.bias_instability_deg_per_h",
-            },
-            (true, false) => match self.accelerometer_colour.random_walk {
-                Some(_) => "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
-                None => "accelerometer.bias_instability_ug",
-            },
-        };
-        let message = format!("{what} takes noise for white, and here drift or biases wander");
-        Err(Error::input(message).with_key(key).with_allowed("left out"))
     }
 
     /// Variance of the measurement of each component of ψ^n in a period, arcsec².

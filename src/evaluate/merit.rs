@@ -13,14 +13,10 @@ use crate::observability::log_separability::LogSeparability;
 /// one that no schedule on the stand can separate must not hide what is told of the others.
 const LEAST_COUNTED: f64 = 1e-3;
 
-/// What does not know of drift that wanders.
-const FAST: &str = "the fast route of searches";
-
 impl Evaluator {
     /// The figure of merit of a search: the score, plus a penalty below the minimum
     /// separability, by the fast kernels. Infinite where nothing can be said.
     pub(crate) fn merit(&self, timeline: &Timeline, smoothing: Smoothing) -> Result<f64> {
-        self.model.only_white(FAST)?;
         let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
         let value = self.model.value(timeline, TickRule::Relaxed, merit)?;
         let convergence = self.convergence_part(timeline, TickRule::Relaxed, smoothing)?;
@@ -78,9 +74,6 @@ impl Evaluator {
         rule: TickRule,
         smoothing: Smoothing,
     ) -> Vec<Result<f64>> {
-        if let Err(error) = self.model.only_white(FAST) {
-            return vec![Err(error); timelines.len()];
-        }
         let merit = |p: &dyn CoefficientCovariance| self.merit_of_covariance(p, smoothing);
         let mut merits = self.model.values(timelines, rule, merit);
         for (merit, timeline) in merits.iter_mut().zip(timelines) {
@@ -108,7 +101,6 @@ impl Evaluator {
         timeline: &Timeline,
         smoothing: Smoothing,
     ) -> Result<(f64, Vec<LegGradient>)> {
-        self.model.only_white(FAST)?;
         let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
         let mut found = self.model.gradient(timeline, TickRule::Relaxed, merit)?;
         self.add_separability(timeline, &mut found);
@@ -122,9 +114,6 @@ impl Evaluator {
         timelines: &[Timeline],
         smoothing: Smoothing,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        if let Err(error) = self.model.only_white(FAST) {
-            return vec![Err(error); timelines.len()];
-        }
         let merit = |p: &dyn CoefficientCovariance| self.merit_and_slope(p, smoothing);
         let mut all = self.model.gradients(timelines, TickRule::Relaxed, merit);
         for (timeline, found) in timelines.iter().zip(&mut all) {

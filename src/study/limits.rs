@@ -286,10 +286,6 @@ impl Study {
 /// The criterion, continuous in the dwells.
 fn criterion(evaluator: &Evaluator, timeline: &Timeline) -> Result<f64> {
     let model = evaluator.model();
-    // Drift that wanders is known to the exact chain, which takes its time.
-    if !model.is_white() {
-        return evaluator.criterion_of(&model.truth_by(timeline, TickRule::Relaxed)?);
-    }
     let criterion = &evaluator.objective().criterion;
     let log = model.value(timeline, TickRule::Relaxed, |p| {
         criterion.log(p, Smoothing::Exact)

@@ -88,8 +88,6 @@ impl Study {
     pub fn search(&self, control: &Control) -> Result<SearchResult> {
         let began = Instant::now();
         self.check_limits()?;
-        let only_white = self.evaluator.model().only_white("a search");
-        only_white.map_err(|e| self.source.located(e))?;
         let control = self.limited(control);
         let outcome =
             self.on_threads(|| self.outcome(&control))?

@@ -4,7 +4,9 @@
 //! of zeros, row after row: all that is done to them runs along quads, in registers. No sum runs along a
 //! register but in one fixed order, so that a lane has the bits of its schedule alone.
 
-use crate::covariance::fast::arithmetic::{Number, Row};
+use std::marker::PhantomData;
+
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work};
 
 /// A matrix of states, row by row.
 pub(crate) type Matrix<N, const R: usize, const C: usize> = [[N; C]; R];
@@ -17,7 +19,7 @@ pub(crate) fn zeros<N: Number, const R: usize, const C: usize>(zero: N) -> Matri
 
 /// a b.
 #[inline(always)]
-pub(crate) fn product<N: Number, const R: usize, const K: usize, const C: usize>(
+fn product_here<N: Number, const R: usize, const K: usize, const C: usize>(
     a: &Matrix<N, R, K>,
     b: &Matrix<N, K, C>,
 ) -> Matrix<N, R, C> {
@@ -36,7 +38,7 @@ pub(crate) fn product<N: Number, const R: usize, const K: usize, const C: usize>
 
 /// aᵀ b.
 #[inline(always)]
-pub(crate) fn transposed_product<N: Number, const R: usize, const K: usize, const C: usize>(
+fn transposed_product_here<N: Number, const R: usize, const K: usize, const C: usize>(
     a: &Matrix<N, K, R>,
     b: &Matrix<N, K, C>,
 ) -> Matrix<N, R, C> {
@@ -55,7 +57,7 @@ pub(crate) fn transposed_product<N: Number, const R: usize, const K: usize, cons
 
 /// a bᵀ.
 #[inline(always)]
-pub(crate) fn product_transposed<N: Number, const R: usize, const K: usize, const C: usize>(
+fn product_transposed_here<N: Number, const R: usize, const K: usize, const C: usize>(
     a: &Matrix<N, R, K>,
     b: &Matrix<N, C, K>,
 ) -> Matrix<N, R, C> {
@@ -165,7 +167,7 @@ pub(crate) fn square_root<N: Number, const R: usize>(p: &Matrix<N, R, R>) -> Mat
 
 /// L⁻¹ with L Lᵀ = I + M, M positive semidefinite, its lower triangle read; lower triangular.
 #[inline(always)]
-pub(crate) fn whitener<N: Number, const R: usize>(m: &Matrix<N, R, R>) -> Matrix<N, R, R> {
+fn whitener_here<N: Number, const R: usize>(m: &Matrix<N, R, R>) -> Matrix<N, R, R> {
     let (zero, one) = (m[0][0].constant(0.0), m[0][0].constant(1.0));
     inverse_of_root(zero, one, m, one)
 }
@@ -218,7 +220,7 @@ pub(crate) fn inverse_root<N: Number, const R: usize>(p: &Matrix<N, R, R>) -> Ma
 
 /// `to` + m v, row by row of `width` quads: R×K · K rows.
 #[inline(always)]
-pub(crate) fn add_combined<Q: Row, const R: usize, const K: usize>(
+fn add_combined_here<Q: Row, const R: usize, const K: usize>(
     to: &mut [Q],
     m: &Matrix<Q::Number, R, K>,
     v: &[Q],
@@ -261,11 +263,7 @@ pub(crate) fn append_combined<Q: Row, const R: usize, const K: usize, const L: u
 
 /// v ← a v in place.
 #[inline(always)]
-pub(crate) fn turn_rows<Q: Row, const R: usize>(
-    a: &Matrix<Q::Number, R, R>,
-    v: &mut [Q],
-    width: usize,
-) {
+fn turn_rows_here<Q: Row, const R: usize>(a: &Matrix<Q::Number, R, R>, v: &mut [Q], width: usize) {
     let v = &mut v[..R * width];
     for q in 0..width {
         let mut of = [v[q]; R];
@@ -292,7 +290,7 @@ pub(crate) fn add<Q: Row>(to: &mut [Q], factor: Q::Number, of: &[Q]) {
 
 /// a bᵀ over rows of `width` quads: R rows · K rows.
 #[inline(always)]
-pub(crate) fn dots<Q: Row, const R: usize, const K: usize>(
+fn dots_here<Q: Row, const R: usize, const K: usize>(
     a: &[Q],
     b: &[Q],
     width: usize,
@@ -405,6 +403,80 @@ pub(crate) fn times_symmetric<Q: Row>(rows: &[Q], m: &[Q], width: usize) -> Vec<
     out
 }
 
+/// A function of its own for what is used in many places: all of it in one takes the compiler minutes.
+macro_rules! apart {
+    (
+        $(#[$doc:meta])*
+        $name:ident, $work:ident<$($size:ident),*>($($arg:ident: $of:ty),*) -> $out:ty, $here:ident
+    ) => {
+        struct $work<'a, A: Arithmetic, $(const $size: usize),*> {
+            numbers: PhantomData<A>,
+            $($arg: $of),*
+        }
+
+        impl<'a, A: Arithmetic, $(const $size: usize),*> Work for $work<'a, A, $($size),*> {
+            type Output = $out;
+            #[inline(always)]
+            fn run(self) -> $out {
+                $here($(self.$arg),*)
+            }
+        }
+
+        $(#[$doc])*
+        #[inline(always)]
+        pub(crate) fn $name<'a, A: Arithmetic, $(const $size: usize),*>(
+            ar: A,
+            $($arg: $of),*
+        ) -> $out {
+            ar.always_apart($work {
+                numbers: PhantomData::<A>,
+                $($arg),*
+            })
+        }
+    };
+}
+
+apart! {
+    /// a b.
+    product, Product<R, K, C>(
+        a: &'a Matrix<A::Number, R, K>, b: &'a Matrix<A::Number, K, C>
+    ) -> Matrix<A::Number, R, C>, product_here
+}
+apart! {
+    /// aᵀ b.
+    transposed_product, TransposedProduct<R, K, C>(
+        a: &'a Matrix<A::Number, K, R>, b: &'a Matrix<A::Number, K, C>
+    ) -> Matrix<A::Number, R, C>, transposed_product_here
+}
+apart! {
+    /// a bᵀ.
+    product_transposed, ProductTransposed<R, K, C>(
+        a: &'a Matrix<A::Number, R, K>, b: &'a Matrix<A::Number, C, K>
+    ) -> Matrix<A::Number, R, C>, product_transposed_here
+}
+apart! {
+    /// L⁻¹ with L Lᵀ = I + M, M positive semidefinite, its lower triangle read; lower triangular.
+    whitener, Whitener<R>(m: &'a Matrix<A::Number, R, R>) -> Matrix<A::Number, R, R>, whitener_here
+}
+apart! {
+    /// `to` + m v, row by row of `width` quads: R×K · K rows.
+    add_combined, AddCombined<R, K>(
+        to: &'a mut [A::Quad], m: &'a Matrix<A::Number, R, K>, v: &'a [A::Quad], width: usize
+    ) -> (), add_combined_here
+}
+apart! {
+    /// v ← a v in place.
+    turn_rows, TurnRows<R>(
+        a: &'a Matrix<A::Number, R, R>, v: &'a mut [A::Quad], width: usize
+    ) -> (), turn_rows_here
+}
+apart! {
+    /// a bᵀ over rows of `width` quads: R rows · K rows.
+    dots, Dots<R, K>(
+        a: &'a [A::Quad], b: &'a [A::Quad], width: usize
+    ) -> Matrix<A::Number, R, K>, dots_here
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{DMatrix, SMatrix};
@@ -437,9 +509,9 @@ mod tests {
     fn products_are_those_of_matrices() {
         let (a, b) = (matrix::<6, 9>(0.3), matrix::<9, 4>(0.9));
         let expected = dense(&a) * dense(&b);
-        assert!((dense(&product(&a, &b)) - expected).amax() < 1e-14);
-        assert!((dense(&transposed_product(&transpose(&a), &b)) - expected).amax() < 1e-14);
-        assert!((dense(&product_transposed(&a, &transpose(&b))) - expected).amax() < 1e-14);
+        assert!((dense(&product(Plain, &a, &b)) - expected).amax() < 1e-14);
+        assert!((dense(&transposed_product(Plain, &transpose(&a), &b)) - expected).amax() < 1e-14);
+        assert!((dense(&product_transposed(Plain, &a, &transpose(&b))) - expected).amax() < 1e-14);
         assert!((dense(&square(&a)) - dense(&a) * dense(&a).transpose()).amax() < 1e-14);
     }
 
@@ -449,7 +521,7 @@ mod tests {
             let m = square(&matrix::<R, R>(0.7));
             let g = dense(&square_root(&m));
             assert!((g * g.transpose() - dense(&m)).amax() < 1e-12);
-            let w = dense(&whitener(&m));
+            let w = dense(&whitener(Plain, &m));
             let one = SMatrix::<f64, R, R>::identity();
             assert!((w * (dense(&m) + one) * w.transpose() - one).amax() < 1e-12);
             let mut more = m;
@@ -485,10 +557,10 @@ mod tests {
         let expected = &dense_m * &dense_v + &dense_n * &dense_w;
         assert!((of_rows(&out, width) - &expected).amax() < 1e-13);
         let mut turned = v.clone();
-        turn_rows(&m, &mut turned, width);
-        add_combined(&mut turned, &n, &w, width);
+        turn_rows(Plain, &m, &mut turned, width);
+        add_combined(Plain, &mut turned, &n, &w, width);
         assert!((of_rows(&turned, width) - expected).amax() < 1e-13);
-        let found = dots::<_, 3, 6>(&v, &w, width);
+        let found = dots::<_, 3, 6>(Plain, &v, &w, width);
         let expected = &dense_v * dense_w.transpose();
         assert!((dynamic(&found.each_ref().map(|r| &r[..])) - expected).amax() < 1e-13);
         for count in [1, 4, 6] {

@@ -21,7 +21,7 @@ use super::moving::Panel;
 use super::wander::Wander;
 use super::{Columns, Place, PlaceAdjoint};
 use crate::attitude::UP;
-use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, three};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
 use crate::covariance::fast::course::{Grows, LegAdjoint, Stretch};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::{body_rate, pull_to_angles};
@@ -57,6 +57,27 @@ struct Sweep<A: Arithmetic, const S: usize> {
 struct AtPlace<N> {
     shift: N,
     c: Entries<N>,
+}
+
+/// A place on the way, compiled once.
+struct OnTheWay<'b, 'a, A: Arithmetic, L, O, const S: usize, const I: usize> {
+    backward: &'b mut Backward<'a, A, L, O, S, I>,
+    leg: usize,
+    s: &'b Stretch<A::Number, A::Panels>,
+    end: bool,
+    adjoint: PlaceAdjoint<A>,
+}
+
+impl<A: Arithmetic, L, O, const S: usize, const I: usize> Work for OnTheWay<'_, '_, A, L, O, S, I>
+where
+    L: Wanders<A>,
+    O: LegAdjoint<A::Number>,
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        (self.backward).pull_on_the_way(self.leg, self.s, self.end, self.adjoint);
+    }
 }
 
 impl<A: Arithmetic, L, O, const S: usize, const I: usize> Backward<'_, A, L, O, S, I>
@@ -153,7 +174,7 @@ where
             Step::Dwell { .. } => self.dwell(sweep, step),
             Step::Pass { t, gamma } => {
                 let gamma = transpose(&self.tape.small[*gamma]);
-                add_combined(&mut sweep.place.drift, &gamma, &sweep.v, width);
+                add_combined(self.ar, &mut sweep.place.drift, &gamma, &sweep.v, width);
                 self.pass(sweep, &self.tape.states[*t]);
             }
             Step::Length { v, p } => {
@@ -198,9 +219,19 @@ where
         for row in &mut twice {
             *row = row.plus(*row);
         }
-        add_combined(&mut sweep.v[3 * width..], &transpose(root), &twice, width);
-        let told: Matrix<A::Number, 3, 3> = dots(through, x, width);
-        let of_p = symmetric(&transposed_product(root, &product(&told, root)));
+        add_combined(
+            self.ar,
+            &mut sweep.v[3 * width..],
+            &transpose(root),
+            &twice,
+            width,
+        );
+        let told: Matrix<A::Number, 3, 3> = dots(self.ar, through, x, width);
+        let of_p = symmetric(&transposed_product(
+            self.ar,
+            root,
+            &product(self.ar, &told, root),
+        ));
         for i in 0..3 {
             for j in 0..3 {
                 sweep.p[3 + i][3 + j] = sweep.p[3 + i][3 + j] - of_p[i][j];
@@ -226,25 +257,29 @@ where
         let (twice, second) = twice.split_at(S * width);
         let nothing = self.ar.quad([self.ar.number(0.0); 4]);
         let mut inputs = vec![nothing; I * width];
-        add_combined(&mut inputs, &transpose(n), &sweep.v, width);
-        add_combined(&mut inputs, &transpose(z), twice, width);
-        add_combined(&mut inputs, &transpose(r22), second, width);
+        add_combined(self.ar, &mut inputs, &transpose(n), &sweep.v, width);
+        add_combined(self.ar, &mut inputs, &transpose(z), twice, width);
+        add_combined(self.ar, &mut inputs, &transpose(r22), second, width);
         sweep.place.add_inputs(&inputs, width);
 
-        let d1: Matrix<A::Number, S, S> = dots(&sweep.v, x, width);
-        let d2: Matrix<A::Number, S, S> = dots(through, x, width);
-        let inside = difference(&product(&sweep.p, m), &product(&d1, y));
-        let told = transposed_product(y, &product(&d2, y));
-        sweep.p = symmetric(&difference(&transposed_product(m, &inside), &told));
+        let d1: Matrix<A::Number, S, S> = dots(self.ar, &sweep.v, x, width);
+        let d2: Matrix<A::Number, S, S> = dots(self.ar, through, x, width);
+        let inside = difference(&product(self.ar, &sweep.p, m), &product(self.ar, &d1, y));
+        let told = transposed_product(self.ar, y, &product(self.ar, &d2, y));
+        sweep.p = symmetric(&difference(&transposed_product(self.ar, m, &inside), &told));
 
-        turn_rows(&transpose(m), &mut sweep.v, width);
-        add_combined(&mut sweep.v, &transpose(y), twice, width);
+        turn_rows(self.ar, &transpose(m), &mut sweep.v, width);
+        add_combined(self.ar, &mut sweep.v, &transpose(y), twice, width);
     }
 
     #[inline(always)]
     fn pass(&self, sweep: &mut Sweep<A, S>, t: &Matrix<A::Number, S, S>) {
-        turn_rows(&transpose(t), &mut sweep.v, self.columns.width);
-        sweep.p = symmetric(&transposed_product(t, &product(&sweep.p, t)));
+        turn_rows(self.ar, &transpose(t), &mut sweep.v, self.columns.width);
+        sweep.p = symmetric(&transposed_product(
+            self.ar,
+            t,
+            &product(self.ar, &sweep.p, t),
+        ));
     }
 
     /// The first `R` rows of T̄.
@@ -256,11 +291,12 @@ where
         (v, p): (usize, usize),
     ) -> Matrix<A::Number, R, S> {
         let two = self.ar.number(2.0);
-        let mut of: Matrix<A::Number, R, S> = dots(&sweep.v, self.kept(v), self.columns.width);
-        let through = product(t, &self.tape.states[p]);
+        let mut of: Matrix<A::Number, R, S> =
+            dots(self.ar, &sweep.v, self.kept(v), self.columns.width);
+        let through = product(self.ar, t, &self.tape.states[p]);
         let mut rows = zeros::<_, R, S>(self.ar.number(0.0));
         rows.copy_from_slice(&sweep.p[..R]);
-        let by_p = product(&rows, &through);
+        let by_p = product(self.ar, &rows, &through);
         for i in 0..R {
             for j in 0..S {
                 of[i][j] = by_p[i][j].mul_add(two, of[i][j]);
@@ -278,7 +314,7 @@ where
         let [f02, f12] = self.earth.system();
         let width = self.columns.width;
         let (v, p) = (self.kept(v), &self.tape.states[p]);
-        let of_psi: Matrix<A::Number, 3, 3> = dots(&sweep.v, v, width);
+        let of_psi: Matrix<A::Number, 3, 3> = dots(self.ar, &sweep.v, v, width);
         let bar = &sweep.p;
         let row_dot = |i: usize, j: usize| {
             let mut sum = bar[i][0] * p[j][0];
@@ -291,7 +327,7 @@ where
             of_psi[0][2] - of_psi[2][0] + (row_dot(0, 2) - row_dot(2, 0)) * two,
             of_psi[1][2] - of_psi[2][1] + (row_dot(1, 2) - row_dot(2, 1)) * two,
         ];
-        let [[drift]] = dots::<_, 1, 1>(&sweep.v, &at.drift, 3 * width);
+        let [[drift]] = dots::<_, 1, 1>(self.ar, &sweep.v, &at.drift, 3 * width);
         let mut sum = (bar[0][0] + bar[1][1] + bar[2][2]).mul_add(self.earth.drift_psd(), drift);
         for (block, slot) in self.wander.slots.iter().enumerate() {
             let block = 3 + 3 * block;
@@ -300,10 +336,10 @@ where
                 let j = block + i;
                 let of = &v[j * width..];
                 if slot.drives {
-                    let [[by_v]] = dots::<_, 1, 1>(&sweep.v[i * width..], of, width);
+                    let [[by_v]] = dots::<_, 1, 1>(self.ar, &sweep.v[i * width..], of, width);
                     sum = sum + row_dot(i, j).mul_add(two, by_v);
                 }
-                let [[by_v]] = dots::<_, 1, 1>(&sweep.v[j * width..], of, width);
+                let [[by_v]] = dots::<_, 1, 1>(self.ar, &sweep.v[j * width..], of, width);
                 sum = row_dot(j, j).mul_add(two, by_v).mul_add(decay, sum);
                 sum = bar[j][j].mul_add(psd, sum);
             }
@@ -341,8 +377,8 @@ where
         let h = seen::<A, S>(self.ar, self.wander, channel);
         let y = self.rows(&self.told.rows, row, 1);
         let through = self.rows(self.through, row, 1);
-        let gains = dots::<_, S, 1>(&sweep.v, y, width);
-        let [[mut of_share]] = dots::<_, 1, 1>(through, y, width);
+        let gains = dots::<_, S, 1>(self.ar, &sweep.v, y, width);
+        let [[mut of_share]] = dots::<_, 1, 1>(self.ar, through, y, width);
         let mut of_column = [of_share; S];
         for i in 0..S {
             let mut of_p = sweep.p[i][0] * column[0];
@@ -395,7 +431,8 @@ where
         let through = self.rows(self.through, row, 1);
         let twice = self.told.weights[row] * self.ar.number(2.0);
         if let Some(grows) = grows {
-            let [[slope]] = dots::<_, 1, 1>(through, self.rows(&self.told.rows, row, 1), width);
+            let [[slope]] =
+                dots::<_, 1, 1>(self.ar, through, self.rows(&self.told.rows, row, 1), width);
             self.add_weight(leg, slope, grows);
         }
         self.add_up(sweep, leg, index, twice, through);
@@ -427,6 +464,24 @@ where
     /// Adds the adjoint of a place on the way to the angles at both ends and the duration.
     #[inline(always)]
     fn add_on_the_way(
+        &mut self,
+        leg: usize,
+        s: &Stretch<A::Number, A::Panels>,
+        end: bool,
+        adjoint: PlaceAdjoint<A>,
+    ) {
+        let ar = self.ar;
+        ar.always_apart(OnTheWay {
+            backward: self,
+            leg,
+            s,
+            end,
+            adjoint,
+        });
+    }
+
+    #[inline(always)]
+    fn pull_on_the_way(
         &mut self,
         leg: usize,
         s: &Stretch<A::Number, A::Panels>,
@@ -561,14 +616,11 @@ where
         else {
             return;
         };
-        let (zero, one) = (self.ar.number(0.0), self.ar.number(1.0));
+        let zero = self.ar.number(0.0);
         let t = turned::<_, S>(&self.tape.small[q], index.is_none());
         let of_transition: Matrix<A::Number, S, S> = self.of_transition(sweep, &t, (v, p));
         let first = if index.is_none() { 0 } else { 3 };
-        let turns = match index {
-            Some(index) => self.legs.turns(leg, index),
-            None => one,
-        };
+        let turns = self.legs.turns(leg);
         let of_q = three!(|i| three!(|j| {
             let mut sum = zero;
             for block in (first..S).step_by(3) {
@@ -580,8 +632,8 @@ where
         // q is C₂ C₁ᵀ, C₁ᵀ or C₂.
         let (of_start, of_end) = match kind {
             Turning::Across => (
-                Some(transposed_product(&of_q, &end)),
-                Some(product(&of_q, &start)),
+                Some(transposed_product(self.ar, &of_q, &end)),
+                Some(product(self.ar, &of_q, &start)),
             ),
             Turning::Into => (Some(transpose(&of_q)), None),
             Turning::OutOf => (None, Some(of_q)),

@@ -4,6 +4,9 @@
 //! part only where some lane has it. A lane that lacks a part that another has takes it with length and
 //! weight zero, which changes nothing.
 
+use std::any::Any;
+use std::cell::RefCell;
+
 use super::algebra::{
     self, Matrix, add_combined, append_combined, difference, inverse_root, product,
     product_transposed, square, square_root, symmetric, transpose, transposed_product, turn_rows,
@@ -29,8 +32,8 @@ pub(super) trait Wanders<A: Arithmetic>: Legs<A> {
     /// In how many panels a stretch of a move is gone through, at most, and in every lane; 0 where it
     /// takes no time.
     fn panels(&self, leg: usize, index: usize) -> (usize, A::Number);
-    /// 1 where the gimbals turn in a stretch of a move, or else 0.
-    fn turns(&self, leg: usize, index: usize) -> A::Number;
+    /// 1 where the gimbals turn on the way to a position, or else 0.
+    fn turns(&self, leg: usize) -> A::Number;
 }
 
 /// What the measurements tell: rows over the parameters, and their weights.
@@ -178,9 +181,9 @@ fn put<T>(to: &mut Vec<T>, of: T) -> usize {
 
 impl<A: Arithmetic, const S: usize, const I: usize> Tape<A, S, I> {
     /// Empty.
-    pub fn new(on: bool) -> Self {
+    fn new() -> Self {
         Self {
-            on,
+            on: false,
             steps: Vec::new(),
             rows: Vec::new(),
             states: Vec::new(),
@@ -189,6 +192,17 @@ impl<A: Arithmetic, const S: usize, const I: usize> Tape<A, S, I> {
             small: Vec::new(),
             columns: Vec::new(),
         }
+    }
+
+    fn clear(&mut self, on: bool) {
+        self.on = on;
+        self.steps.clear();
+        self.rows.clear();
+        self.states.clear();
+        self.inputs.clear();
+        self.told.clear();
+        self.small.clear();
+        self.columns.clear();
     }
 
     #[inline(always)]
@@ -235,6 +249,44 @@ impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Work
     }
 }
 
+/// Tape and rows of a run: their memory is used again.
+#[derive(Debug)]
+pub(super) struct Memory<A: Arithmetic, const S: usize, const I: usize> {
+    pub tape: Tape<A, S, I>,
+    pub told: Told<A>,
+}
+
+thread_local! {
+    /// That of the last run of this thread.
+    static MEMORY: RefCell<Option<Box<dyn Any>>> = const { RefCell::new(None) };
+}
+
+impl<A: Arithmetic + 'static, const S: usize, const I: usize> Memory<A, S, I> {
+    /// This thread's, empty. Taken out, not borrowed: a figure of merit may itself ask for a gradient.
+    pub fn take(keeps_tape: bool) -> Box<Self> {
+        let kept = MEMORY.with(RefCell::take);
+        let kept: Option<Box<Self>> = kept.and_then(|m| m.downcast().ok());
+        let mut memory = kept.unwrap_or_else(|| {
+            Box::new(Self {
+                tape: Tape::new(),
+                told: Told {
+                    rows: Vec::new(),
+                    weights: Vec::new(),
+                },
+            })
+        });
+        memory.tape.clear(keeps_tape);
+        memory.told.rows.clear();
+        memory.told.weights.clear();
+        memory
+    }
+
+    /// Puts it back.
+    pub fn keep(self: Box<Self>) {
+        MEMORY.with(|slot| slot.replace(Some(self)));
+    }
+}
+
 /// The chain on its way through the legs.
 pub(super) struct Forward<'a, A: Arithmetic, L, const S: usize, const I: usize> {
     pub ar: A,
@@ -243,7 +295,7 @@ pub(super) struct Forward<'a, A: Arithmetic, L, const S: usize, const I: usize> 
     pub legs: &'a L,
     pub earth: &'a Earth<A::Number>,
     pub tape: &'a mut Tape<A, S, I>,
-    told: Told<A>,
+    told: &'a mut Told<A>,
     /// V.
     v: Vec<A::Quad>,
     p: Matrix<A::Number, S, S>,
@@ -257,10 +309,9 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         (columns, wander): (&'a Columns, &'a Wander),
         legs: &'a L,
         earth: &'a Earth<A::Number>,
-        tape: &'a mut Tape<A, S, I>,
+        memory: &'a mut Memory<A, S, I>,
         prior: &nalgebra::Matrix3<f64>,
     ) -> Self {
-        let rows = (2 * (S + I)) * legs.count() + 3;
         let mut p = algebra::zeros(ar.number(0.0));
         for i in 0..3 {
             for j in 0..3 {
@@ -278,11 +329,8 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
             wander,
             legs,
             earth,
-            tape,
-            told: Told {
-                rows: Vec::with_capacity(rows * columns.width),
-                weights: Vec::with_capacity(rows),
-            },
+            tape: &mut memory.tape,
+            told: &mut memory.told,
             v: vec![ar.quad([ar.number(0.0); 4]); S * columns.width],
             p,
         }
@@ -322,7 +370,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
 
     /// Through all legs.
     #[inline(always)]
-    pub fn run(mut self) -> Told<A> {
+    pub fn run(mut self) {
         let mut previous: Option<Place<A>> = None;
         for leg in 0..self.legs.count() {
             let at = self.place(leg);
@@ -354,7 +402,6 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         if !self.columns.walked.is_empty() {
             self.pin();
         }
-        self.told
     }
 
     /// V is U there and, of the random walk, what D_F is of it.
@@ -382,8 +429,12 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
     /// x ← T x: V and P with it, the process noise apart.
     #[inline(always)]
     fn carry(&mut self, t: &Matrix<A::Number, S, S>) {
-        turn_rows(t, &mut self.v, self.columns.width);
-        self.p = symmetric(&product_transposed(&product(t, &self.p), t));
+        turn_rows(self.ar, t, &mut self.v, self.columns.width);
+        self.p = symmetric(&product_transposed(
+            self.ar,
+            &product(self.ar, t, &self.p),
+            t,
+        ));
     }
 
     #[inline(always)]
@@ -391,7 +442,8 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let one = self.ar.number(1.0);
         if self.legs.rotates(leg) {
             self.leave(leg, None, from, one);
-            let q = product_transposed(&at.c, &from.c);
+            let q = product_transposed(self.ar, &at.c, &from.c);
+            let q = self.where_turning(self.legs.turns(leg), &q);
             self.apart(leg, Piece::Turn(None, Turning::Across, &q));
             self.reach(leg, None, at, one);
         }
@@ -439,7 +491,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
     fn stretch(&mut self, leg: usize, index: usize, from: &Place<A>, at: &Place<A>) {
         let (ar, columns, earth) = (self.ar, self.columns, self.earth);
         let s = self.legs.stretch(leg, index);
-        let turns = self.legs.turns(leg, index);
+        let turns = self.legs.turns(leg);
         let start = match index {
             0 => None,
             _ => Some(on_the_way(ar, columns, earth, &s, false).0),
@@ -452,7 +504,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         self.leave(leg, Some(index), start, s.present);
         let (most, count) = self.legs.panels(leg, index);
         if most == 0 {
-            let q = self.where_turning(turns, &product_transposed(&end.c, &start.c));
+            let q = self.where_turning(turns, &product_transposed(self.ar, &end.c, &start.c));
             self.apart(leg, Piece::Turn(Some(index), Turning::Across, &q));
         } else {
             let into = self.where_turning(turns, &transpose(&start.c));
@@ -518,7 +570,13 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let t = transition::<_, S>(&self.wander.slots, &passed.phi, &shares);
         self.carry(&t);
         add_noise(&self.wander.slots, &mut self.p, &shares, passed.process);
-        add_combined(&mut self.v, &passed.gamma, &at.drift, self.columns.width);
+        add_combined(
+            self.ar,
+            &mut self.v,
+            &passed.gamma,
+            &at.drift,
+            self.columns.width,
+        );
         if self.tape.on {
             let t = put(&mut self.tape.states, t);
             let gamma = put(&mut self.tape.small, passed.gamma);
@@ -532,16 +590,23 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let width = self.columns.width;
         // P₊ = W Wᵀ with W = G (I + BᵀB)^{-½}ᵀ, B = R11 G: nothing cancels, and P may be singular.
         let g = square_root(&self.p);
-        let b = product(&k.r11, &g);
-        let w = product_transposed(&g, &whitener(&transposed_product(&b, &b)));
+        let b = product(self.ar, &k.r11, &g);
+        let w = product_transposed(
+            self.ar,
+            &g,
+            &whitener(self.ar, &transposed_product(self.ar, &b, &b)),
+        );
         // Y = S^{-½} R11, Z = S^{-½} R12.
-        let white = whitener(&square(&b));
-        let (y, z) = (product(&white, &k.r11), product(&white, &k.r12));
+        let white = whitener(self.ar, &square(&b));
+        let (y, z) = (
+            product(self.ar, &white, &k.r11),
+            product(self.ar, &white, &k.r12),
+        );
         // M = A_x (I − P₊ J), N = A_u − A_x P₊ R11ᵀ R12.
-        let root = product(&k.a_x, &w);
-        let u = product_transposed(&root, &w);
-        let m = difference(&k.a_x, &product(&u, &k.j));
-        let n = difference(&k.a_u, &product(&u, &k.cross));
+        let root = product(self.ar, &k.a_x, &w);
+        let u = product_transposed(self.ar, &root, &w);
+        let m = difference(&k.a_x, &product(self.ar, &u, &k.j));
+        let n = difference(&k.a_u, &product(self.ar, &u, &k.cross));
         let (end, holds) = (square(&root), self.legs.holds(leg));
         let zero = self.ar.number(0.0);
         for i in 0..S {
@@ -557,11 +622,11 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let from = self.told.rows.len();
         let nothing = self.ar.quad([self.ar.number(0.0); 4]);
         self.told.rows.resize(from + I * width, nothing);
-        add_combined(&mut self.told.rows[from..], &k.r22, &inputs, width);
+        add_combined(self.ar, &mut self.told.rows[from..], &k.r22, &inputs, width);
         let weights = self.told.weights.len() + S + I;
         self.told.weights.resize(weights, self.ar.number(1.0));
-        turn_rows(&m, &mut self.v, width);
-        add_combined(&mut self.v, &n, &inputs, width);
+        turn_rows(self.ar, &m, &mut self.v, width);
+        add_combined(self.ar, &mut self.v, &n, &inputs, width);
         if self.tape.on {
             let y = put(&mut self.tape.states, y);
             put(&mut self.tape.states, m);
@@ -776,7 +841,7 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         let from = self.told.rows.len();
         self.told.rows.resize(from + 3 * width, nothing);
         let walked = &self.v[3 * width..6 * width];
-        add_combined(&mut self.told.rows[from..], &root, walked, width);
+        add_combined(self.ar, &mut self.told.rows[from..], &root, walked, width);
         self.told
             .weights
             .extend_from_slice(&[self.ar.number(1.0); 3]);

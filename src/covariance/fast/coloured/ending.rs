@@ -2,7 +2,7 @@
 
 use super::algebra::{add_squares, times_symmetric};
 use super::back::Backward;
-use super::course::{Forward, Tape, Told, Wanders};
+use super::course::{Forward, Memory, Wanders};
 use super::{Coloured, Columns};
 use crate::covariance::CovarianceModel;
 use crate::covariance::fast::arithmetic::{Arithmetic, Row, Work, four};
@@ -14,17 +14,17 @@ use crate::covariance::fast::posterior::{Posterior, Pulled};
 #[derive(Debug)]
 pub(super) struct Ending<A: Arithmetic, const S: usize, const I: usize> {
     pub posterior: Posterior<A::Number>,
-    told: Told<A>,
-    tape: Tape<A, S, I>,
+    pub memory: Box<Memory<A, S, I>>,
 }
 
 impl<A: Arithmetic, const S: usize, const I: usize> Ending<A, S, I> {
     /// The rows that the chain has told, with their weights.
     pub fn rows(&self, columns: &Columns) -> impl Iterator<Item = (Vec<A::Number>, A::Number)> {
-        let rows = self.told.rows.chunks_exact(columns.width);
+        let rows = self.memory.told.rows.chunks_exact(columns.width);
         let size = columns.order.size();
         let numbers = move |row: &[A::Quad]| (0..size).map(|p| row[p / 4].get(p % 4)).collect();
-        rows.map(numbers).zip(self.told.weights.iter().copied())
+        rows.map(numbers)
+            .zip(self.memory.told.weights.iter().copied())
     }
 }
 
@@ -37,7 +37,11 @@ pub(super) struct Run<'a, A, L, const S: usize, const I: usize> {
     pub keeps_tape: bool,
 }
 
-impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Work for Run<'_, A, L, S, I> {
+impl<A, L, const S: usize, const I: usize> Work for Run<'_, A, L, S, I>
+where
+    A: Arithmetic + 'static,
+    L: Wanders<A>,
+{
     type Output = Ending<A, S, I>;
     #[inline(always)]
     fn run(self) -> Self::Output {
@@ -45,9 +49,10 @@ impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Work for Run<
         let Coloured { columns, wander } = self.coloured;
         let zero = ar.number(0.0);
         let earth = Earth::new(zero, &model.dynamics, model.drift_psd);
-        let mut tape = Tape::new(self.keeps_tape);
+        let mut memory = Memory::take(self.keeps_tape);
         let of = (columns, wander);
-        let told = Forward::new(ar, of, self.legs, &earth, &mut tape, &model.prior_psi).run();
+        Forward::new(ar, of, self.legs, &earth, &mut memory, &model.prior_psi).run();
+        let told = &memory.told;
         let (width, size) = (columns.width, columns.order.size());
         let mut e = vec![ar.quad([zero; 4]); 4 * width * width];
         add_squares(&mut e, &told.rows, &told.weights, width);
@@ -60,8 +65,7 @@ impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Work for Run<
         }
         Ending {
             posterior: Posterior::new(zero, &columns.order, rows),
-            told,
-            tape,
+            memory,
         }
     }
 }
@@ -90,7 +94,7 @@ impl<A: Arithmetic, const S: usize, const I: usize> Work for Pull<'_, A, S, I> {
                 })));
             }
         }
-        times_symmetric(&self.end.told.rows, &padded, width)
+        times_symmetric(&self.end.memory.told.rows, &padded, width)
     }
 }
 
@@ -123,8 +127,8 @@ where
             wander: &self.coloured.wander,
             legs: self.legs,
             earth: &earth,
-            tape: &self.end.tape,
-            told: &self.end.told,
+            tape: &self.end.memory.tape,
+            told: &self.end.memory.told,
             through: self.through,
             per_weight: ar.number(1.0 / (model.period_s * model.noise_variance)),
             out: self.out,

@@ -16,13 +16,13 @@
 //! S̄_k = κ_k (T w_k M̄ + Σ_i r_ik κ_i⁻¹ N̄_i),   C̄_k = Φᵀ S̄_k.
 //! ```
 
-use super::algebra::{Matrix, transposed_product};
+use super::algebra::Matrix;
 use super::wander::{Share, Slot};
 use crate::covariance::coloured::passage::{NODES_IN_PANEL, panel_nodes};
 use crate::covariance::fast::arithmetic::{Number, three};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::{Interval, Turn, product, pull_to_angles};
-use crate::covariance::fast::square::Entries;
+use crate::covariance::fast::square::{Entries, transpose};
 
 const NODES: usize = NODES_IN_PANEL;
 
@@ -215,7 +215,7 @@ impl<N: Number> Panel<N> {
         }
         let (mut from, mut change) = ([zero; 3], [zero; 3]);
         for k in 0..NODES {
-            let c_adjoint = transposed_product(&self.phi[k], &of_seen[k]);
+            let c_adjoint = product(&transpose(&self.phi[k]), &of_seen[k]);
             let angles = pull_to_angles(&self.c[k], self.alpha[k], &c_adjoint);
             for i in 0..3 {
                 from[i] = from[i] + angles[i];

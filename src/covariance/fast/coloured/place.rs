@@ -4,7 +4,7 @@ use super::Columns;
 use super::algebra;
 use super::columns::{Term, packed, unpacked};
 use crate::attitude::{EAST, NORTH, UP};
-use crate::covariance::fast::arithmetic::{Arithmetic, Number};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Work};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::shape::{Basis, Catalogue, FEATURES, basis, basis_adjoint};
 use crate::covariance::fast::square::Entries;
@@ -22,10 +22,44 @@ pub(crate) struct Place<A: Arithmetic> {
     pub output: Vec<A::Quad>,
 }
 
+/// A place to work out.
+struct Find<'a, A: Arithmetic> {
+    ar: A,
+    columns: &'a Columns,
+    earth: &'a Earth<A::Number>,
+    c: Entries<A::Number>,
+    rate: &'a [A::Number; 3],
+}
+
+impl<A: Arithmetic> Work for Find<'_, A> {
+    type Output = Place<A>;
+    #[inline(always)]
+    fn run(self) -> Place<A> {
+        Place::found(self.ar, self.columns, self.earth, self.c, self.rate)
+    }
+}
+
 impl<A: Arithmetic> Place<A> {
     /// In the attitude C_c^n, the body turning at `rate` against inertial space, in n, rad/s.
     #[inline(always)]
     pub fn new(
+        ar: A,
+        columns: &Columns,
+        earth: &Earth<A::Number>,
+        c: Entries<A::Number>,
+        rate: &[A::Number; 3],
+    ) -> Self {
+        ar.always_apart(Find {
+            ar,
+            columns,
+            earth,
+            c,
+            rate,
+        })
+    }
+
+    #[inline(always)]
+    fn found(
         ar: A,
         columns: &Columns,
         earth: &Earth<A::Number>,

@@ -69,9 +69,9 @@ impl<S: Simd, L: Alignment> Wanders<Lanes<S, L>> for Group<'_, S, L> {
         (most, self.gather(|t| of(t) as f64))
     }
     #[inline(always)]
-    fn turns(&self, leg: usize, index: usize) -> Lane<S, L> {
-        self.gather(|t| match leg < t.count() && index < t.stretches(leg) {
-            true => t.turns(leg, index),
+    fn turns(&self, leg: usize) -> Lane<S, L> {
+        self.gather(|t| match leg < t.count() {
+            true => t.turns(leg),
             false => 0.0,
         })
     }
@@ -129,6 +129,7 @@ impl<const N: usize, const I: usize> LaneTask for Values<'_, N, I> {
                     }
                 };
             }
+            end.memory.keep();
         }
         out
     }
@@ -172,7 +173,7 @@ impl<const N: usize, const I: usize> LaneTask for Gradients<'_, N, I> {
             });
         }
         let Some(slope) = slopes.gathered(ar) else {
-            return;
+            return end.memory.keep();
         };
         let through = ar.apart(Pull {
             ar,
@@ -197,6 +198,7 @@ impl<const N: usize, const I: usize> LaneTask for Gradients<'_, N, I> {
                 legs.extend(gradient.iter().take(count).map(of_lane));
             }
         }
+        end.memory.keep();
     }
 }
 

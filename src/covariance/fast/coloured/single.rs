@@ -39,11 +39,9 @@ impl<A: Single> Wanders<A> for OneTimeline<'_, A> {
         (count, count as f64)
     }
     #[inline(always)]
-    fn turns(&self, leg: usize, _: usize) -> f64 {
-        match self.slew(leg) {
-            Some(m) if m.change != [0.0; 3] => 1.0,
-            _ => 0.0,
-        }
+    fn turns(&self, leg: usize) -> f64 {
+        let arrival = self.timeline.legs()[leg].arrival;
+        f64::from(u8::from(arrival.is_some_and(|m| m.change != [0.0; 3])))
     }
 }
 
@@ -101,9 +99,9 @@ impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
         });
         let kept = !self.how.by_rows && end.posterior.keeps_digits(|v| v);
         let of = OfPosterior::new(&end.posterior, &columns.order, |v: f64| v);
-        match self.wanted {
-            Wanted::Value(merit) if kept => merit(&of),
-            Wanted::Value(merit) => merit(&stacked(&end, columns)?),
+        let value = match self.wanted {
+            Wanted::Value(merit) if kept => merit(&of)?,
+            Wanted::Value(merit) => merit(&stacked(&end, columns)?)?,
             Wanted::Gradient(merit, out) => {
                 let (value, through) = if kept {
                     let (value, slope) = merit(&of)?;
@@ -128,9 +126,11 @@ impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
                     through: &through,
                     out,
                 });
-                Ok(value)
+                value
             }
-        }
+        };
+        end.memory.keep();
+        Ok(value)
     }
 }
 

@@ -12,6 +12,7 @@ use crate::covariance::coloured::kernel::{ColouredDoublings, ColouredKernel};
 use crate::covariance::coloured::passage::Process;
 use crate::covariance::fast::arithmetic::{Number, three};
 use crate::covariance::fast::earth::Earth;
+use crate::covariance::fast::moves::product as times;
 use crate::covariance::fast::square::{Entries, transpose};
 use crate::dynamics::ErrorDynamics;
 use crate::motion::Move;
@@ -172,11 +173,6 @@ pub(super) struct Share<N> {
     pub psi: Entries<N>,
     /// Q_dd.
     pub own: N,
-}
-
-#[inline(always)]
-fn times<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
-    super::algebra::product(a, b)
 }
 
 #[inline(always)]
