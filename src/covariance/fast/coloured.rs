@@ -26,10 +26,13 @@ mod columns;
 mod course;
 mod ending;
 mod integral;
+mod measuring;
 mod moving;
 mod place;
+mod rows;
 pub(crate) mod several;
 pub(crate) mod single;
+mod tape;
 #[cfg(test)]
 mod tests;
 mod wander;

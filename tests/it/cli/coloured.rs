@@ -94,29 +94,67 @@ fn schedules_are_compared_and_commanded_with_it() {
     ];
     let found = document(&desk, &args);
     let schedules = found["schedules"].as_array().unwrap();
-    assert_eq!(schedules.len(), 2);
-    let evaluated = document(&desk, &["evaluate", "--schedule", "mine.csv"]);
-    assert!(schedules[0]["rms_sigma_deg_per_h"].as_f64() > Some(0.0));
-    assert!(evaluated["rms_sigma_deg_per_h"].as_f64() > Some(0.0));
-    let skipped = found["skipped"].to_string();
-    assert!(skipped.contains("drift or biases wander"), "{skipped}");
+    assert_eq!(schedules.len(), 4, "{found}");
+    for schedule in schedules {
+        assert!(schedule["rms_sigma_deg_per_h"].as_f64() > Some(0.0));
+    }
     let platform = ["--platform", "wandering.toml"];
     let table = ["commands", "--schedule", "mine.csv"];
     assert!(desk.done(&[&table[..], &platform].concat()).lines().count() > 12);
 }
 
-/// Not the reason that no start led anywhere.
+/// In every mode, of one or two processes of the drift and with biases that wander.
 #[test]
-fn a_search_says_what_it_does_not_know() {
+fn schedules_are_searched_for_with_it() {
     let desk = desk();
-    for mode in ["accuracy", "pareto"] {
-        desk.run(&["search", "wandering.toml", "--mode", mode])
-            .refused(&[
-                "wandering.toml:2",
-                "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
-                "a search takes noise for white",
-            ]);
+    let short = "[objective]\ntotal_time_s = 2400\n[objective.spec_deg_per_h]\ndefault = 0.2\n\
+                 [search]\nstarts = 3\nmax_positions = 5\n[motion]\nslew_rate_deg_per_s = 2\n";
+    let walk = "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 0.01\n";
+    let markov = "bias_instability_deg_per_h = 0.01\nbias_correlation_time_s = 600\n";
+    let biases = "[accelerometer]\nacceleration_random_walk_ug_per_sqrt_h = 5\n";
+    for (wandering, modes) in [
+        (walk.to_owned(), &["accuracy", "pareto", "time"][..]),
+        ([walk, markov].concat(), &["accuracy"]),
+        ([walk, biases].concat(), &["accuracy"]),
+    ] {
+        desk.write("short.toml", &[&wandering, short].concat());
+        for mode in modes {
+            let text = desk.done(&["search", "short.toml", "--mode", mode]);
+            assert!(
+                text.contains("modelled: rate random walk"),
+                "{mode}: {text}"
+            );
+        }
     }
+}
+
+/// Where nothing else is said a search may have more positions, and says why.
+#[test]
+fn more_positions_are_tried_where_drift_wanders() {
+    let desk = desk();
+    let of = |toml: &str| {
+        desk.write(
+            "quick.toml",
+            &[
+                toml,
+                "[search]\nstarts = 1\n[objective]\ntotal_time_s = 700\n",
+            ]
+            .concat(),
+        );
+        let run = desk.run(&["search", "quick.toml"]);
+        let most =
+            desk.json("scheme-opt-out/result.json")["inputs"]["search"]["max_positions"].as_u64();
+        (run.stderr, most)
+    };
+    let (said, most) = of("[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 0.01\n");
+    assert!(
+        said.contains("up to 48 positions: the drift wanders"),
+        "{said}"
+    );
+    assert_eq!(most, Some(48));
+    let (said, most) = of("");
+    assert!(!said.contains("positions: the drift wanders"), "{said}");
+    assert_eq!(most, Some(24));
 }
 
 /// The bound of the platform without it, and says so.

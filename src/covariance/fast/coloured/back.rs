@@ -10,15 +10,16 @@
 //! and of a transition T, from V and P before it, T̄ = V̄ Vᵀ + 2 P̄ T P.
 
 use super::algebra::{
-    Matrix, add, add_combined, difference, dots, product, symmetric, transpose, transposed_product,
-    turn_rows, zeros,
+    Matrix, add_combined, difference, dots, product, pull_covariance, symmetric, times_passed,
+    transpose, transposed_product, turn_covariance, turn_rows, zeros,
 };
-use super::course::{
-    At, Channel, Step, Tape, Told, Turning, Wanders, on_the_way, part, seen, turned,
-};
+use super::course::{Wanders, first_turned, on_the_way, part};
 use super::integral::integral_adjoint;
+use super::measuring::seen;
 use super::moving::Panel;
-use super::wander::Wander;
+use super::rows::{add, pull_rows, turn_blocks};
+use super::tape::{At, Channel, Step, Tape, Told, Turning};
+use super::wander::{Transition, Wander};
 use super::{Columns, Place, PlaceAdjoint};
 use crate::attitude::UP;
 use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
@@ -175,7 +176,7 @@ where
             Step::Pass { t, gamma } => {
                 let gamma = transpose(&self.tape.small[*gamma]);
                 add_combined(self.ar, &mut sweep.place.drift, &gamma, &sweep.v, width);
-                self.pass(sweep, &self.tape.states[*t]);
+                self.pass(sweep, &self.tape.passed[*t]);
             }
             Step::Length { v, p } => {
                 let slope = self.length_adjoint(sweep, *v, *p, at);
@@ -273,33 +274,69 @@ where
     }
 
     #[inline(always)]
-    fn pass(&self, sweep: &mut Sweep<A, S>, t: &Matrix<A::Number, S, S>) {
-        turn_rows(self.ar, &transpose(t), &mut sweep.v, self.columns.width);
-        sweep.p = symmetric(&transposed_product(
-            self.ar,
-            t,
-            &product(self.ar, &sweep.p, t),
-        ));
+    fn pass(&self, sweep: &mut Sweep<A, S>, t: &Transition<A::Number, S>) {
+        pull_rows(&t.top, &t.kept, &mut sweep.v, self.columns.width);
+        sweep.p = pull_covariance(self.ar, &t.top, &t.kept, &sweep.p);
     }
 
-    /// The first `R` rows of T̄.
+    /// T̄ of ψ's rows.
     #[inline(always)]
-    fn of_transition<const R: usize>(
+    fn of_transition(
         &self,
         sweep: &Sweep<A, S>,
-        t: &Matrix<A::Number, S, S>,
+        t: &Transition<A::Number, S>,
         (v, p): (usize, usize),
-    ) -> Matrix<A::Number, R, S> {
+    ) -> Matrix<A::Number, 3, S> {
         let two = self.ar.number(2.0);
-        let mut of: Matrix<A::Number, R, S> =
-            dots(self.ar, &sweep.v, self.kept(v), self.columns.width);
-        let through = product(self.ar, t, &self.tape.states[p]);
-        let mut rows = zeros::<_, R, S>(self.ar.number(0.0));
-        rows.copy_from_slice(&sweep.p[..R]);
-        let by_p = product(self.ar, &rows, &through);
-        for i in 0..R {
+        let width = self.columns.width;
+        let mut of: Matrix<A::Number, 3, S> = dots(self.ar, &sweep.v, self.kept(v), width);
+        let mut rows = zeros::<_, 3, S>(self.ar.number(0.0));
+        rows.copy_from_slice(&sweep.p[..3]);
+        let through = times_passed(&rows, &t.top, &t.kept);
+        let by_p = product(self.ar, &through, &self.tape.states[p]);
+        for i in 0..3 {
             for j in 0..S {
                 of[i][j] = by_p[i][j].mul_add(two, of[i][j]);
+            }
+        }
+        of
+    }
+
+    /// q̄, of the turn of all blocks from `first` on.
+    #[inline(always)]
+    fn of_turn(
+        &self,
+        sweep: &Sweep<A, S>,
+        (q, first): (&Entries<A::Number>, usize),
+        (v, p): (usize, usize),
+    ) -> Entries<A::Number> {
+        let (zero, two) = (self.ar.number(0.0), self.ar.number(2.0));
+        let width = self.columns.width;
+        let (v, p) = (self.kept(v), &self.tape.states[p]);
+        let mut of = [[zero; 3]; 3];
+        for block in (first..S).step_by(3) {
+            let by_v: Entries<A::Number> = dots(
+                self.ar,
+                &sweep.v[block * width..],
+                &v[block * width..],
+                width,
+            );
+            for i in 0..3 {
+                // Row i of P̄ T.
+                let mut row = sweep.p[block + i];
+                for at in (first..S).step_by(3) {
+                    let from = three!(|k| sweep.p[block + i][at + k]);
+                    for j in 0..3 {
+                        row[at + j] = dot(&from, &three!(|k| q[k][j]));
+                    }
+                }
+                for j in 0..3 {
+                    let mut by_p = zero;
+                    for k in 0..S {
+                        by_p = row[k].mul_add(p[k][block + j], by_p);
+                    }
+                    of[i][j] = of[i][j] + by_p.mul_add(two, by_v[i][j]);
+                }
             }
         }
         of
@@ -593,8 +630,8 @@ where
         };
         let s = self.legs.stretch(leg, index);
         let (_, count) = self.legs.panels(leg, index);
-        let t = &self.tape.states[t];
-        let of_transition: Matrix<A::Number, 3, S> = self.of_transition(sweep, t, (v, p));
+        let t = &self.tape.passed[t];
+        let of_transition = self.of_transition(sweep, t, (v, p));
         let at = Panel::new(self.earth, &s.turn, &part(&s, panel, count));
         let (from, change) = at.pull(&self.wander.slots, &of_transition, &sweep.p);
         self.out[leg].add_angles(&change);
@@ -617,17 +654,10 @@ where
             return;
         };
         let zero = self.ar.number(0.0);
-        let t = turned::<_, S>(&self.tape.small[q], index.is_none());
-        let of_transition: Matrix<A::Number, S, S> = self.of_transition(sweep, &t, (v, p));
-        let first = if index.is_none() { 0 } else { 3 };
+        let (q, first) = (&self.tape.small[q], first_turned(index));
         let turns = self.legs.turns(leg);
-        let of_q = three!(|i| three!(|j| {
-            let mut sum = zero;
-            for block in (first..S).step_by(3) {
-                sum = sum + of_transition[block + i][block + j];
-            }
-            sum * turns
-        }));
+        let of_q = self.of_turn(sweep, (q, first), (v, p));
+        let of_q = three!(|i| three!(|j| of_q[i][j] * turns));
         let (start, end) = self.ends(leg, index, at);
         // q is C₂ C₁ᵀ, C₁ᵀ or C₂.
         let (of_start, of_end) = match kind {
@@ -644,7 +674,9 @@ where
                 self.add_at(sweep, leg, (index, is_end), &of);
             }
         }
-        self.pass(sweep, &t);
+        let back = transpose(q);
+        turn_blocks::<_, S>(&back, first, &mut sweep.v, self.columns.width);
+        sweep.p = turn_covariance(self.ar, &back, first, &sweep.p);
     }
 
     /// The attitudes where a stretch starts and ends.

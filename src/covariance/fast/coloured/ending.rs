@@ -1,8 +1,9 @@
 //! The end of a timeline, of one or of one per lane: what is left of the parameters, and the way back.
 
-use super::algebra::{add_squares, times_symmetric};
 use super::back::Backward;
-use super::course::{Forward, Memory, Wanders};
+use super::course::{Forward, Wanders};
+use super::rows::{add_squares, times_symmetric};
+use super::tape::Memory;
 use super::{Coloured, Columns};
 use crate::covariance::CovarianceModel;
 use crate::covariance::fast::arithmetic::{Arithmetic, Row, Work, four};

@@ -1,8 +1,8 @@
 //! What the parameters do in an attitude, and the way back.
 
 use super::Columns;
-use super::algebra;
 use super::columns::{Term, packed, unpacked};
+use super::rows::add;
 use crate::attitude::{EAST, NORTH, UP};
 use crate::covariance::fast::arithmetic::{Arithmetic, Number, Work};
 use crate::covariance::fast::earth::Earth;
@@ -81,13 +81,13 @@ impl<A: Arithmetic> Place<A> {
             let [north, up, _] = earth.vector();
             let (drift, output) = (&mut place.drift, &place.output);
             let (b_x, b_z) = (NORTH * width, EAST * width);
-            algebra::add(&mut drift[..width], up, &output[b_x..b_x + width]);
-            algebra::add(
+            add(&mut drift[..width], up, &output[b_x..b_x + width]);
+            add(
                 &mut drift[width..2 * width],
                 -north,
                 &output[b_x..b_x + width],
             );
-            algebra::add(&mut drift[2 * width..], up, &output[b_z..b_z + width]);
+            add(&mut drift[2 * width..], up, &output[b_z..b_z + width]);
         }
         place
     }
@@ -166,9 +166,9 @@ impl<A: Arithmetic> PlaceAdjoint<A> {
     #[inline(always)]
     pub fn add_inputs(&mut self, of: &[A::Quad], width: usize) {
         let one = self.c[0][0].constant(1.0);
-        algebra::add(&mut self.drift, one, &of[..3 * width]);
+        add(&mut self.drift, one, &of[..3 * width]);
         if !self.output.is_empty() {
-            algebra::add(
+            add(
                 &mut self.output[UP * width..(UP + 1) * width],
                 one,
                 &of[3 * width..],
@@ -206,13 +206,13 @@ impl<A: Arithmetic> PlaceAdjoint<A> {
             let [north, up, _] = earth.vector();
             let (drift, output) = (&self.drift, &mut self.output);
             let (b_x, b_z) = (NORTH * width, EAST * width);
-            algebra::add(&mut output[b_x..b_x + width], up, &drift[..width]);
-            algebra::add(
+            add(&mut output[b_x..b_x + width], up, &drift[..width]);
+            add(
                 &mut output[b_x..b_x + width],
                 -north,
                 &drift[width..2 * width],
             );
-            algebra::add(&mut output[b_z..b_z + width], up, &drift[2 * width..]);
+            add(&mut output[b_z..b_z + width], up, &drift[2 * width..]);
             pull_terms(
                 columns,
                 &columns.accelerometers,
@@ -234,12 +234,12 @@ impl<A: Arithmetic> PlaceAdjoint<A> {
             return;
         }
         let (north, east) = (NORTH * width, EAST * width);
-        algebra::add(
+        add(
             &mut self.output[north..north + width],
             by,
             &v[east..east + width],
         );
-        algebra::add(
+        add(
             &mut self.output[east..east + width],
             -by,
             &v[north..north + width],
@@ -286,12 +286,12 @@ pub(super) fn shift<A: Arithmetic>(
         return;
     }
     let (north, east) = (NORTH * width, EAST * width);
-    algebra::add(
+    add(
         &mut v[north..north + width],
         -by,
         &at.output[east..east + width],
     );
-    algebra::add(
+    add(
         &mut v[east..east + width],
         by,
         &at.output[north..north + width],

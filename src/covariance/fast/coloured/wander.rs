@@ -211,27 +211,37 @@ impl<N: Number> Share<N> {
     }
 }
 
-/// The transition of x, its blocks after ψ^n those of `shares`.
-#[inline(always)]
-pub(super) fn transition<N: Number, const S: usize>(
-    slots: &[Slot],
-    phi: &Entries<N>,
-    shares: &[Share<N>],
-) -> Matrix<N, S, S> {
-    let mut to = zeros(phi[0][0].constant(0.0));
-    for i in 0..3 {
-        to[i][..3].copy_from_slice(&phi[i]);
-    }
-    for (at, (slot, share)) in slots.iter().zip(shares).enumerate() {
-        let at = 3 + 3 * at;
+/// What becomes of x in an interval without a measurement, its noise apart: ψ ← `top` x, and of every other
+/// component what is kept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Transition<N, const S: usize> {
+    pub top: Matrix<N, 3, S>,
+    pub kept: [N; S],
+}
+
+impl<N: Number, const S: usize> Transition<N, S> {
+    /// Φ of ψ, and the blocks after it those of `shares`.
+    #[inline(always)]
+    pub fn new(slots: &[Slot], phi: &Entries<N>, shares: &[Share<N>]) -> Self {
+        let zero = phi[0][0].constant(0.0);
+        let mut to = Self {
+            top: zeros(zero),
+            kept: [zero; S],
+        };
         for i in 0..3 {
-            to[at + i][at + i] = share.kept;
-            if slot.drives {
-                to[i][at..at + 3].copy_from_slice(&share.carried[i]);
+            to.top[i][..3].copy_from_slice(&phi[i]);
+        }
+        for (at, (slot, share)) in slots.iter().zip(shares).enumerate() {
+            let at = 3 + 3 * at;
+            for i in 0..3 {
+                to.kept[at + i] = share.kept;
+                if slot.drives {
+                    to.top[i][at..at + 3].copy_from_slice(&share.carried[i]);
+                }
             }
         }
+        to
     }
-    to
 }
 
 /// Adds the noise of an interval to P, `white` that of the drift without colour.
