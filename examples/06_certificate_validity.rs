@@ -348,7 +348,7 @@ fn random_config(rng: &mut ChaCha8Rng, wild: bool) -> PlatformConfig {
     } else {
         log(rng, 0.5, 1.5)
     };
-    c.accelerometer.noise_g = log(rng, -6.5, -3.5);
+    c.accelerometer.noise_g = Some(log(rng, -6.5, -3.5));
     c.gyro.random_drift_deg_per_h = Some(match rng.random_range(0..8) {
         0 if wild => 0.0,
         _ => log(rng, -3.5, -1.0),

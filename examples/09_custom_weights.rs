@@ -10,7 +10,7 @@ use scheme_opt::{Control, DriftCoefficient, DriftKind, Study, StudyConfig};
 fn main() -> scheme_opt::Result<()> {
     let mut equal = StudyConfig::default();
     equal.objective.total_time_s = 6000.0;
-    equal.search.max_positions = 12;
+    equal.search.max_positions = Some(12);
     equal.search.starts = 4;
 
     let mut weighted = equal.clone();

@@ -14,7 +14,7 @@ fn main() -> scheme_opt::Result<()> {
     let mut config = StudyConfig::default();
     config.platform.motion.slew_rate_deg_per_s = Some(1.0);
     config.platform.motion.settle_s = 20.0;
-    config.search.max_positions = 8;
+    config.search.max_positions = Some(8);
     config.search.starts = 4;
 
     // Twelve positions were planned for 12 000 s; after five, and half of the sixth, a fuse went.

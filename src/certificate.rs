@@ -119,6 +119,8 @@ pub struct Bound {
     pub sigma_deg_per_h: CoefficientVector,
     /// Groups of errors that the platform has and that the bound takes as known.
     pub taken_as_known: Vec<&'static str>,
+    /// Keys of noise that wanders, which the platform has and the bound leaves out.
+    pub noise_left_out: Vec<&'static str>,
     /// What the bound does not cover or why it is weak.
     pub remarks: Vec<Remark>,
 }
@@ -229,6 +231,7 @@ impl Certifier {
             rms_sigma_deg_per_h: rms.lower_bound,
             sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
             taken_as_known: self.conditions.taken_as_known.clone(),
+            noise_left_out: self.conditions.noise_left_out.clone(),
             remarks: self.remarks(criterion, &of_criterion),
         })
     }
@@ -366,16 +369,22 @@ impl Certifier {
         })
     }
 
-    /// Which errors of the platform every bound takes as known, if any.
-    pub fn taken_as_known(&self) -> Option<Remark> {
+    /// Which errors of the platform every bound takes as known, and which noise it leaves out, if any.
+    pub fn taken_as_known(&self) -> impl Iterator<Item = Remark> + use<> {
         let groups = &self.conditions.taken_as_known;
-        (!groups.is_empty()).then(|| Remark::TakenAsKnown(groups.clone()))
+        let known = (!groups.is_empty()).then(|| Remark::TakenAsKnown(groups.clone()));
+        let wanders = !self.conditions.noise_left_out.is_empty();
+        known
+            .into_iter()
+            .chain(wanders.then_some(Remark::WanderingLeftOut))
     }
 
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
     pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
-        if let Some(known) = criterion.known_before(&self.conditions.prior_sigma) {
+        let known = criterion.known_before(&self.conditions.prior_sigma);
+        // A drift that is known and wanders is not known at the end.
+        if let Some(known) = known.filter(|_| self.conditions.noise_left_out.is_empty()) {
             return vec![Remark::KnownBefore(known)];
         }
         if criterion.counts_only_others() {

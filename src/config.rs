@@ -72,14 +72,30 @@ impl Default for StudyConfig {
 }
 
 impl StudyConfig {
-    /// Writes down the random drift that is assumed when neither of its forms is given, so that
-    /// the configuration says by itself what is computed with.
+    /// Writes down the noise and the random drift that are assumed when neither of their forms is
+    /// given, so that the configuration says by itself what is computed with.
     fn resolve(&mut self) {
+        let accelerometer = &mut self.platform.accelerometer;
+        if accelerometer.noise_g.is_none() && accelerometer.noise_density_ug_per_sqrt_hz.is_none() {
+            accelerometer.noise_g = Some(crate::platform::DEFAULT_NOISE_G);
+        }
         let gyro = &mut self.platform.gyro;
         if gyro.random_drift_deg_per_h.is_none() && gyro.angle_random_walk_deg_per_sqrt_h.is_none()
         {
             gyro.random_drift_deg_per_h = Some(crate::platform::DEFAULT_RANDOM_DRIFT_DEG_PER_H);
         }
+    }
+
+    /// How many positions a search may have, if that is not said.
+    fn resolve_positions(&mut self) {
+        let gyro = &self.platform.gyro;
+        let wandering = [
+            gyro.rate_random_walk_deg_per_h_per_sqrt_h,
+            gyro.bias_instability_deg_per_h,
+        ];
+        let wanders = wandering.into_iter().flatten().any(|size| size > 0.0);
+        let most = SearchConfig::default_positions(wanders);
+        self.search.max_positions.get_or_insert(most);
     }
 
     /// Checks every value, and the values against each other.
@@ -124,6 +140,7 @@ impl StudyConfig {
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
+        config.resolve_positions();
         Ok(CheckedConfig {
             config,
             test: platform.into(),
@@ -302,8 +319,10 @@ mod tests {
                 let spec = &mut c.objective.spec_deg_per_h;
                 spec.coefficients.insert(DriftCoefficient::OY, f64::NAN);
             }),
-            ("search.max_positions", |c| c.search.max_positions = 0),
-            ("search.max_positions", |c| c.search.max_positions = 501),
+            ("search.max_positions", |c| c.search.max_positions = Some(0)),
+            ("search.max_positions", |c| {
+                c.search.max_positions = Some(501)
+            }),
             ("search.starts", |c| c.search.starts = 0),
             ("search.starts", |c| c.search.starts = 1_000_001),
             ("search.position_tolerance", |c| {
@@ -368,6 +387,15 @@ mod tests {
         let output = &mut c.platform.gyro.output_axis;
         (output.x, output.y, output.z) = (axis("+y"), axis("+z"), axis("+x"));
         c.platform.azimuth.noise_arcsec = Some(5.0);
+        let gyro = &mut c.platform.gyro;
+        gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(1e-3);
+        gyro.bias_instability_deg_per_h = Some(3e-3);
+        gyro.bias_correlation_time_s = Some(3600.0);
+        let accelerometer = &mut c.platform.accelerometer;
+        accelerometer.noise_density_ug_per_sqrt_hz = Some(30.0);
+        accelerometer.acceleration_random_walk_ug_per_sqrt_h = Some(1.0);
+        accelerometer.bias_instability_ug = Some(3.0);
+        accelerometer.bias_correlation_time_s = Some(1800.0);
         let errors = &mut c.platform.errors;
         errors.estimated = every_error();
         errors.considered = every_error();

@@ -8,6 +8,7 @@
 //! - [`kernel`]: n filter periods of a dwell composed into one element, in square-root form;
 //! - [`chain`]: value of a schedule through the elements (Friedland's separated bias), in doubles
 //!   and, where those are lost, in numbers of 32 digits;
+//! - `coloured`: both where drift or biases wander, with more states beside ψ^n;
 //! - [`gradient`]: its reverse mode;
 //! - `fast`: value and gradient in straight-line code, for one schedule or several at once;
 //! - [`mod@filter`]: a step-by-step square-root filter on faer with an attitude and gyro axes of its
@@ -16,6 +17,7 @@
 //! States are in arcsec, drift in °/h = arcsec/s, time in s; see [`crate::units`].
 
 pub mod chain;
+pub(crate) mod coloured;
 pub(crate) mod fast;
 pub mod filter;
 pub mod full;
@@ -41,10 +43,11 @@ use crate::attitude::{Attitude, EAST, NORTH, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
-use crate::model::{ErrorModel, Mounting};
+use crate::model::{Colour, ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use fast::arithmetic::MOST_LANES;
+use fast::coloured::Coloured;
 use fast::information::PriorScale;
 use fast::mixing::Mixing;
 use kernel_table::KernelTable;
@@ -94,6 +97,10 @@ pub struct CovarianceModel {
     pub(crate) dynamics: ErrorDynamics,
     /// PSD q of the random drift, arcsec²/s.
     pub(crate) drift_psd: f64,
+    /// How the drift of the gyros wanders, °/h.
+    pub(crate) drift_colour: Colour,
+    /// How the bias of the accelerometers wanders, arcsec.
+    pub(crate) accelerometer_colour: Colour,
     /// Variance r² of a measurement, arcsec².
     pub(crate) noise_variance: f64,
     pub(crate) period_s: f64,
@@ -107,6 +114,8 @@ pub struct CovarianceModel {
     pub(crate) errors: ErrorModel,
     /// The same for the fast route, where there are more than the paper has.
     mixing: Option<Mixing>,
+    /// The same where drift or biases wander.
+    coloured: Option<Box<Coloured>>,
     /// Variance of the azimuth measured in a period, arcsec².
     pub(crate) azimuth_variance: Option<f64>,
     /// ω_ie^n, rad/s.
@@ -136,9 +145,12 @@ impl CovarianceModel {
         let azimuth_variance = platform
             .azimuth_noise_rad
             .map(|v| Angle::from_rad(v).arcsec().powi(2));
-        Self {
+        let mut model = Self {
             dynamics,
             drift_psd,
+            // rad/s to °/h = arcsec/s, and g = rad of tilt to arcsec.
+            drift_colour: platform.drift_colour.times(ARCSEC_PER_RAD),
+            accelerometer_colour: platform.accelerometer_colour.times(ARCSEC_PER_RAD),
             noise_variance,
             period_s: platform.period_s,
             prior_psi: Matrix3::from_diagonal(&prior),
@@ -155,7 +167,11 @@ impl CovarianceModel {
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
-        }
+            coloured: None,
+        };
+        let settle_s = platform.motion.settle_s;
+        model.coloured = Coloured::of(&model, &[], settle_s).map(Box::new);
+        model
     }
 
     /// The same, working out several schedules in at most `most` lanes: 4 keeps to AVX2 where
@@ -171,6 +187,9 @@ impl CovarianceModel {
         if self.mixing.is_some() {
             self.mixing = Some(Mixing::new(&self.errors, others));
         }
+        if let Some(coloured) = self.coloured.take() {
+            self.coloured = Some(Box::new(coloured.seeing(&self, others)));
+        }
         self
     }
 
@@ -184,10 +203,15 @@ impl CovarianceModel {
         self.errors.mounting()
     }
 
-    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, seen in two
-    /// channels.
+    /// Whether there is nothing but ψ and the twelve coefficients in the paper's mounting, under white
+    /// noise, seen in two channels.
     pub(crate) fn is_of_the_paper(&self) -> bool {
-        self.errors.is_of_the_paper() && self.azimuth_variance.is_none()
+        self.errors.is_of_the_paper() && self.azimuth_variance.is_none() && self.is_white()
+    }
+
+    /// Whether neither drift nor accelerometers wander.
+    pub(crate) fn is_white(&self) -> bool {
+        self.drift_colour.is_white() && self.accelerometer_colour.is_white()
     }
 
     /// Variance of the measurement of each component of ψ^n in a period, arcsec².

@@ -23,6 +23,7 @@
 
 mod accelerometer;
 mod alike;
+mod colour;
 mod constant;
 mod g_sensitive;
 mod gravity;
@@ -31,6 +32,7 @@ mod quadratic;
 mod torquer;
 
 pub(crate) use alike::Alike;
+pub use colour::{Colour, Markov};
 pub(crate) use mounting::GyroAxes;
 pub use mounting::Mounting;
 

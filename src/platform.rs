@@ -10,10 +10,11 @@ use serde::{Deserialize, Serialize};
 use crate::attitude::{Position, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
-use crate::model::ErrorModel;
+use crate::model::{Colour, ErrorModel};
 use crate::units::{Angle, AngularRate};
 
 mod axis_value;
+mod colour;
 mod errors;
 mod gimbals;
 pub use axis_value::{AxisValue, GSensitivePrior};
@@ -32,16 +33,30 @@ pub struct SiteConfig {
 }
 
 /// The accelerometers.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 #[non_exhaustive]
 pub struct AccelerometerConfig {
-    /// White noise, 1σ per sample and axis, g. Greater than zero.
-    pub noise_g: f64,
+    /// White noise, 1σ per sample and axis, g, greater than zero; neither form given: 1e-5 g.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_g: Option<f64>,
+    /// The same as a two-sided density, µg/√Hz: `noise_g` = density · 1e-6 / √`period_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_density_ug_per_sqrt_hz: Option<f64>,
+    /// Acceleration random walk K, µg/√h: the bias wanders by K √t; none: it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration_random_walk_ug_per_sqrt_h: Option<f64>,
+    /// Bias instability, 1σ of a first-order Gauss–Markov process, µg; none: there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_instability_ug: Option<f64>,
+    /// Its time constant, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_correlation_time_s: Option<f64>,
 }
 
-/// The gyros' random drift; give one of the two, or none for the default of 0.01 °/h.
+/// The gyros' random drift; of white noise give one of the two forms, or none for the default of
+/// 0.01 °/h.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
@@ -53,6 +68,15 @@ pub struct GyroConfig {
     /// Angular random walk N, °/√h: PSD q = N².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_random_walk_deg_per_sqrt_h: Option<f64>,
+    /// Rate random walk K, °/h/√h: the drift wanders by K √t; none: it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_random_walk_deg_per_h_per_sqrt_h: Option<f64>,
+    /// Bias instability, 1σ of a first-order Gauss–Markov process, °/h; none: there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_instability_deg_per_h: Option<f64>,
+    /// Its time constant, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_correlation_time_s: Option<f64>,
     /// Output axes of the gyros X, Y, Z; input axes are +x, +y, +z, spin axes input × output.
     #[serde(skip_serializing_if = "OutputAxes::is_empty")]
     pub output_axis: OutputAxes,
@@ -173,17 +197,15 @@ pub struct PlatformConfig {
     pub errors: ErrorsConfig,
 }
 
+/// 1σ noise of the accelerometers when the file gives neither form, g: the seed paper's §3.1.
+pub(crate) const DEFAULT_NOISE_G: f64 = 1e-5;
+
 /// 1σ random drift when the file gives neither form, °/h: the seed paper's §3.1.
 pub(crate) const DEFAULT_RANDOM_DRIFT_DEG_PER_H: f64 = 0.01;
 
 impl Default for SiteConfig {
     fn default() -> Self {
         Self { latitude_deg: 28.2 }
-    }
-}
-impl Default for AccelerometerConfig {
-    fn default() -> Self {
-        Self { noise_g: 1e-5 }
     }
 }
 impl Default for FilterConfig {
@@ -239,6 +261,10 @@ pub struct Platform {
     pub(crate) earth_rate_n: Vector3<f64>,
     pub(crate) noise_g: f64,
     pub(crate) drift_psd: f64,
+    /// Of the gyros, rad/s.
+    pub(crate) drift_colour: Colour,
+    /// Of the accelerometers, g.
+    pub(crate) accelerometer_colour: Colour,
     pub(crate) period_s: f64,
     pub(crate) prior_misalignment_rad: Vector3<f64>,
     pub(crate) prior_drift_rad_per_s: CoefficientVector,
@@ -260,6 +286,18 @@ impl Platform {
     /// PSD q of the random drift w, rad²/s.
     pub fn drift_psd_rad2_per_s(&self) -> f64 {
         self.drift_psd
+    }
+    /// How the drift of the gyros wanders, rad/s.
+    pub fn drift_colour(&self) -> &Colour {
+        &self.drift_colour
+    }
+    /// How the bias of the accelerometers wanders, g.
+    pub fn accelerometer_colour(&self) -> &Colour {
+        &self.accelerometer_colour
+    }
+    /// Whether neither wanders.
+    pub fn is_white(&self) -> bool {
+        self.drift_colour.is_white() && self.accelerometer_colour.is_white()
     }
     /// Filter period, s.
     pub fn period_s(&self) -> f64 {
@@ -290,9 +328,9 @@ impl Platform {
         self.azimuth_noise_rad
     }
     /// Whether it is the seed paper's platform: nothing but ψ and the twelve coefficients, in its
-    /// mounting, and two channels of measurement.
+    /// mounting, white noise, and two channels of measurement.
     pub fn is_of_the_paper(&self) -> bool {
-        self.errors.is_of_the_paper() && self.azimuth_noise_rad.is_none()
+        self.errors.is_of_the_paper() && self.azimuth_noise_rad.is_none() && self.is_white()
     }
     /// The shortest dwell that a search proposes, s: the minimum dwell in whole filter periods,
     /// one at least.
@@ -349,14 +387,10 @@ impl PlatformConfig {
         );
         Ok(Platform {
             earth_rate_n: earth_rate_n(Angle::from_deg(latitude_deg).rad()),
-            noise_g: in_range(
-                "accelerometer.noise_g",
-                self.accelerometer.noise_g,
-                1e-12,
-                1.0,
-                "1e-12 to 1 (a noise of zero would make every answer exact)",
-            )?,
+            noise_g: self.accelerometer.noise(period_s)?,
             drift_psd: self.gyro.drift_psd(period_s)?,
+            drift_colour: self.gyro.colour()?,
+            accelerometer_colour: self.accelerometer.colour()?,
             period_s,
             prior_misalignment_rad: self.prior.misalignment_rad()?,
             prior_drift_rad_per_s,
@@ -376,10 +410,7 @@ impl GyroConfig {
             self.random_drift_deg_per_h,
             self.angle_random_walk_deg_per_sqrt_h,
         ) {
-            (Some(_), Some(walk)) => Err(Error::input(format!("given together with {DRIFT}"))
-                .with_key(WALK)
-                .with_value(walk)
-                .with_allowed("one of the two")),
+            (Some(_), Some(walk)) => Err(both_given(WALK, walk, DRIFT)),
             (None, Some(walk)) => {
                 let walk = in_range(WALK, walk, 0.0, 1e3, "0 to 1000")?;
                 // °/√h: the angle grows by N √t with t in hours.
@@ -392,6 +423,14 @@ impl GyroConfig {
             }
         }
     }
+}
+
+/// The two forms of a noise are both given.
+fn both_given(key: &str, value: f64, other: &str) -> Error {
+    Error::input(format!("given together with {other}"))
+        .with_key(key)
+        .with_value(value)
+        .with_allowed("one of the two")
 }
 
 impl PriorConfig {
@@ -564,7 +603,9 @@ mod tests {
         let table: [(&str, Spoil); 12] = [
             ("site.latitude_deg", |c| c.site.latitude_deg = 95.0),
             ("site.latitude_deg", |c| c.site.latitude_deg = f64::NAN),
-            ("accelerometer.noise_g", |c| c.accelerometer.noise_g = 0.0),
+            ("accelerometer.noise_g", |c| {
+                c.accelerometer.noise_g = Some(0.0);
+            }),
             ("gyro.random_drift_deg_per_h", |c| {
                 c.gyro.random_drift_deg_per_h = Some(-1.0);
             }),

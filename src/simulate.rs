@@ -54,6 +54,15 @@
 //! what the filter claims, P, beside it. Innovations of such a filter are no white noise; NIS is taken of
 //! what is left of them without the share of the considered parameters, which a simulation knows.
 //!
+//! # Drift and biases that wander
+//!
+//! Truth and filter have them as states: three for each process, along the axes of the platform. An
+//! interval takes the mean of the drift in it, with its exact covariance with the value at its end; in a
+//! move the mean turns with the platform. Nothing wanders of what a filter linearises about: all of it
+//! is in the deviation. NEES of all states has these too. D_F is reported as the drift of the moment, its
+//! constant part and what the random walk has come to, for the truth as for the estimate.
+//! A filter may be told that all noise is white ([`ToldNoise::only_white`]).
+//!
 //! # Filters
 //!
 //! [`FilterModel::Linear`] is the paper's: the Kalman filter on (8), (9), linearised at ψ = 0.
@@ -97,6 +106,7 @@ mod square_root;
 mod sweep;
 mod trajectory;
 mod truth;
+mod wander;
 
 pub use monte_carlo::{
     ClaimedConsistency, MAX_RUNS, MonteCarlo, ParameterCheck, PositionCheck, StateCheck,
@@ -120,6 +130,7 @@ use filter::{Belief, Filter};
 use linear::{LinearFilter, LinearGains};
 use program::Program;
 use truth::{Start, TrueNoise, TruthRecord};
+use wander::Wandering;
 
 /// A test ready to be simulated. The filter starts from zero with the platform's prior.
 ///
@@ -144,6 +155,8 @@ pub struct Simulation {
     options: SimulationOptions,
     program: Program,
     belief: Belief,
+    /// What wanders in truth.
+    wandering: Option<Wandering>,
     /// Of the linear filter.
     gains: LinearGains,
 }
@@ -184,8 +197,8 @@ impl Simulation {
         options: SimulationOptions,
     ) -> Result<Self> {
         options.check()?;
-        let program = Program::new(platform, timeline)?;
         let belief = Belief::new(platform, &options.told)?;
+        let program = Program::new(platform, timeline, belief.wandering.as_ref())?;
         let is_linear = options.filter == FilterModel::Linear;
         let gains = LinearGains::new(&program, &belief, is_linear);
         Ok(Self {
@@ -193,6 +206,7 @@ impl Simulation {
             options,
             program,
             belief,
+            wandering: Wandering::of(platform),
             gains,
         })
     }
@@ -209,11 +223,13 @@ impl Simulation {
                 drift_psd: self.platform.drift_psd_rad2_per_s(),
                 accelerometer_g: self.platform.noise_g(),
                 azimuth_rad: self.platform.azimuth_noise_rad(),
+                wandering: self.wandering.as_ref(),
             },
             TruthNoise::None => TrueNoise {
                 drift_psd: 0.0,
                 accelerometer_g: 0.0,
                 azimuth_rad: self.platform.azimuth_noise_rad().map(|_| 0.0),
+                wandering: None,
             },
         };
         let mut parameters = initial.drift_deg_per_h.as_slice().to_vec();
@@ -237,7 +253,7 @@ impl Simulation {
         observe: &mut dyn FnMut(&FinishedInterval<'_, '_>),
     ) -> Option<f64> {
         if self.options.filter == FilterModel::Linear {
-            let filter = LinearFilter::new(&self.gains, self.belief.estimated());
+            let filter = LinearFilter::new(&self.gains, &self.belief.shape);
             let filter = Filter::Linear(filter);
             self.pass(record, filter, observe);
             return None;

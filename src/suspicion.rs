@@ -23,10 +23,12 @@
 
 pub mod rules;
 mod schedules;
+mod wandering;
 mod warning;
 
 use crate::config::StudyConfig;
 use crate::schedule::Schedule;
+pub use wandering::Wandering;
 pub use warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning, WarningRecord};
 
 /// What is hard to believe of a study, of whose keys `defaulted` were not given, and of a schedule

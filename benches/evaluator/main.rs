@@ -36,6 +36,7 @@ fn main() {
     if std::env::args().any(|arg| arg == "--ratios") {
         ratios::print();
         ratios::print_wide();
+        ratios::print_wandering();
     } else {
         divan::main();
     }

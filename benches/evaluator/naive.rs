@@ -45,6 +45,52 @@ pub fn covariance_trace(platform: &Platform, timeline: &Timeline) -> f64 {
     p.diagonal().rows(3, 12).sum()
 }
 
+type Wandering = SMatrix<f64, 18, 18>;
+
+/// The same with a random walk of the drift, K in °/h/√h, along the axes of the platform: (ψ^n, d, D).
+/// The trace over the coefficients, D_F the drift at the end of the test.
+pub fn wandering_trace(platform: &Platform, k: f64, timeline: &Timeline) -> f64 {
+    let dynamics = ErrorDynamics::new(platform.earth_rate_n());
+    let period = platform.period_s();
+    let q = platform.drift_psd_rad2_per_s() * ARCSEC_PER_RAD.powi(2) * period;
+    let grown = k * k * period / 3600.0;
+    let r = (platform.noise_g() * ARCSEC_PER_RAD).powi(2);
+    let mut p = Wandering::zeros();
+    for (i, sigma) in platform.prior_misalignment_rad().iter().enumerate() {
+        p[(i, i)] = (sigma * ARCSEC_PER_RAD).powi(2);
+    }
+    for (i, sigma) in platform.prior_drift_rad_per_s().iter().enumerate() {
+        p[(6 + i, 6 + i)] = (sigma * ARCSEC_PER_RAD).powi(2);
+    }
+    for leg in timeline.legs() {
+        let of_drift = transition(&dynamics, &leg.attitude, period);
+        let mut phi = Wandering::identity();
+        phi.fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&of_drift.fixed_view::<3, 3>(0, 0));
+        phi.fixed_view_mut::<3, 12>(0, 6)
+            .copy_from(&of_drift.fixed_view::<3, 12>(0, 3));
+        // d acts as D_F does.
+        phi.fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&of_drift.fixed_view::<3, 3>(0, 3));
+        let phi_t = phi.transpose();
+        for _ in 0..(leg.dwell_s / period).round() as usize {
+            p = phi * p * phi_t;
+            for i in 0..3 {
+                p[(i, i)] += q;
+                p[(3 + i, 3 + i)] += grown;
+            }
+            for axis in [0, 2] {
+                let column = p.column(axis).into_owned();
+                let gain = column / (column[axis] + r);
+                p -= gain * column.transpose();
+            }
+        }
+    }
+    let constant = p.diagonal().rows(6, 12).sum();
+    let at_end = |i: usize| 2.0 * p[(3 + i, 6 + i)] + p[(3 + i, 3 + i)];
+    constant + (0..3).map(at_end).sum::<f64>()
+}
+
 fn transition(dynamics: &ErrorDynamics, attitude: &Attitude, period_s: f64) -> Covariance {
     let mut phi = Covariance::identity();
     let rotation: Matrix3<f64> = dynamics.transition(period_s);

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use scheme_opt::internals::covariance::{CoefficientCovariance, CovarianceModel, TickRule};
 use scheme_opt::internals::criterion::{Criterion, Smoothing};
+use scheme_opt::internals::platform::PlatformConfig;
 
 use crate::{Case, batch, naive, wide};
 
@@ -135,4 +136,67 @@ pub fn print_wide() {
         filter.push(naive_s);
     }
     show(filter, once.map(|(name, _)| name), taken);
+}
+
+/// The same with a random walk of the drift, and the cost against white noise; K = 24.
+pub fn print_wandering() {
+    const WALK: f64 = 0.003;
+    let case = Case::relaxed(24);
+    let mut config = PlatformConfig::default();
+    config.gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(WALK);
+    let platform = config.check().unwrap();
+    let (white, model) = (case.model(), CovarianceModel::new(&platform));
+    let (_, timelines) = batch(case);
+    let (timeline, many) = (&timelines[0], timelines.len() as f64);
+    let rule = TickRule::Relaxed;
+    let log = |p: &dyn CoefficientCovariance| Criterion::rms().log(p, Smoothing::Exact);
+    let slope =
+        |p: &dyn CoefficientCovariance| Criterion::rms().log_with_gradient(p, Smoothing::Exact);
+    let whole = Case::whole(24).timeline(0);
+    let by_filter = naive::wandering_trace(&platform, WALK, &whole);
+    let trace = |p: &dyn CoefficientCovariance| Ok(p.matrix().trace());
+    let found = model.value(&whole, TickRule::Filter, trace);
+    let found = found.unwrap_or(f64::NAN);
+    // The filter's walk goes in steps.
+    assert!(
+        (found / by_filter - 1.0).abs() < 1e-2,
+        "{found} {by_filter}"
+    );
+    let value = |model: &CovarianceModel| {
+        time(|| (0..50).for_each(|_| drop(black_box(model.value(timeline, rule, log))))) / 50.0
+    };
+    let gradient = |model: &CovarianceModel| {
+        time(|| (0..50).for_each(|_| drop(black_box(model.gradient(timeline, rule, slope))))) / 50.0
+    };
+    let values = |model: &CovarianceModel| time(|| model.values(&timelines, rule, log)) / many;
+    let gradients =
+        |model: &CovarianceModel| time(|| model.gradients(&timelines, rule, slope)) / many;
+    type Timed<'a> = (&'a str, &'a dyn Fn(&CovarianceModel) -> f64);
+    let once: [Timed<'_>; 4] = [
+        ("value, random walk", &value),
+        ("gradient, random walk", &gradient),
+        ("value in lanes, random walk", &values),
+        ("gradient in lanes, random walk", &gradients),
+    ];
+    let mut filter = Vec::new();
+    let mut taken = [(); 4].map(|()| (Vec::new(), Vec::new()));
+    let mut costs = [(); 4].map(|()| Vec::new());
+    for _ in 0..ROUNDS / 10 {
+        let naive_s = time(|| naive::wandering_trace(&platform, WALK, black_box(timeline)));
+        for (((_, work), (times, ratios)), costs) in once.iter().zip(&mut taken).zip(&mut costs) {
+            let s = work(&model);
+            times.push(s);
+            ratios.push(naive_s / s);
+            costs.push(s / work(&white));
+        }
+        filter.push(naive_s);
+    }
+    let names = once.map(|(name, _)| name);
+    show(filter, names, taken);
+    for (name, costs) in names.iter().zip(costs) {
+        println!(
+            "{name}: {:.1} times the time with white noise",
+            median(costs)
+        );
+    }
 }

@@ -44,6 +44,9 @@ pub(super) struct Conditions {
     /// Groups of errors that the platform has besides ψ and the twelve coefficients. The bound is
     /// that of a platform on which they are known: knowing more never raises a σ.
     pub taken_as_known: Vec<&'static str>,
+    /// Keys of drift and biases that wander, which are left out. For known wandering d the information on
+    /// D is that of white noise, whatever D_F is reported with: σ(D_F + d) ≥ σ(D_F + d | d) = σ(D_F | d).
+    pub noise_left_out: Vec<&'static str>,
 }
 
 impl Conditions {
@@ -77,6 +80,7 @@ impl Conditions {
             mixing: (*platform.errors().mounting() != Mounting::PAPER)
                 .then(|| platform.errors().mounting().mixing_of_the_papers()),
             taken_as_known: others(platform),
+            noise_left_out: platform.keys_of_wandering(),
         }
     }
 

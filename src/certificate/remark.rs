@@ -31,6 +31,8 @@ pub enum Remark {
     IndexTable,
     /// The platform has errors, of these groups, that the bound takes as known.
     TakenAsKnown(Vec<&'static str>),
+    /// Drift or biases of the platform wander, which the bound leaves out.
+    WanderingLeftOut,
     /// At a pole the sum of the input-axis coefficients is never seen.
     Pole,
     /// What is known of the shortest time, where that is no number.
@@ -55,6 +57,10 @@ impl fmt::Display for Remark {
                     "these errors are taken as known exactly, which can only lower the bound: {}",
                     listed(&titles)
                 );
+            }
+            Self::WanderingLeftOut => {
+                "noise that wanders is left out, as if all of it were known, which can only lower \
+                 the bound"
             }
             Self::PriorItself => {
                 "nothing is measured in so short a test: the bound is the prior itself"

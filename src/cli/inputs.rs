@@ -73,7 +73,7 @@ fn load_and(
         ),
         put(
             &mut search.max_positions,
-            common.max_positions,
+            common.max_positions.map(Some),
             "search.max_positions",
             "--max-positions",
         ),

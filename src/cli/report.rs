@@ -51,6 +51,7 @@ pub(super) fn search(
     text.push_str(&table::schedule(platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(found));
+    text.push_str(&constant_part(found));
     text.push_str(&other_parameters(found));
     text.push('\n');
     text.push_str(&wrap(&words::observability(found)));
@@ -91,6 +92,11 @@ fn work(document: &ResultDocument) -> String {
     ))
 }
 
+/// What D_F means where it walks; empty where it does not.
+fn constant_part(document: &EvaluationDocument) -> String {
+    words::constant_part(document).map_or_else(String::new, |said| wrap(&said))
+}
+
 /// What the test tells about the parameters beside the coefficients; empty where there are none.
 fn other_parameters(document: &EvaluationDocument) -> String {
     let others = document.parameters.get(document.coefficients.len()..);
@@ -119,6 +125,7 @@ pub(super) fn evaluation(
     text.push_str(&beyond_limits(document, platform, timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
+    text.push_str(&constant_part(document));
     text.push_str(&other_parameters(document));
     if !document.budget.is_empty() {
         text.push('\n');

@@ -33,6 +33,13 @@ const FILES: [&str; 5] = [
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let study = inputs::load(args.platform.as_deref(), &args.common, args.starts)?;
+    if !study.test().platform().drift_colour().is_white()
+        && let Some(most) = study.config().search.max_positions
+    {
+        output.message(&format!(
+            "up to {most} positions: the drift wanders, and more and shorter dwells pay"
+        ));
+    }
     let files = OutputFiles::prepare(&args.output, &FILES)?;
     let interval = checkpoint_interval(args)?;
     let checkpoint = Checkpoint::open(&args.output, &study, args.resume, output)?;

@@ -80,6 +80,34 @@ const ERRORS: [Line; 9] = [
     ),
 ];
 
+/// What it shows, commented out, of noise that wanders: such keys are read from an Allan deviation of the
+/// instrument at hand (docs/allan.md), and no grade vouches for them.
+const WANDERING: [Line; 7] = [
+    (
+        "accelerometer",
+        "noise_density_ug_per_sqrt_hz",
+        [300.0, 30.0, 3.0],
+    ),
+    (
+        "accelerometer",
+        "acceleration_random_walk_ug_per_sqrt_h",
+        [30.0, 3.0, 0.1],
+    ),
+    ("accelerometer", "bias_instability_ug", [100.0, 10.0, 0.5]),
+    (
+        "gyro",
+        "rate_random_walk_deg_per_h_per_sqrt_h",
+        [0.5, 0.003, 1e-4],
+    ),
+    ("gyro", "bias_instability_deg_per_h", [1.0, 0.003, 2e-4]),
+    ("gyro", "bias_correlation_time_s", [600.0, 1800.0, 3600.0]),
+    (
+        "accelerometer",
+        "bias_correlation_time_s",
+        [600.0, 1800.0, 3600.0],
+    ),
+];
+
 impl Grade {
     /// All grades.
     pub const ALL: [Self; 3] = [Self::Tactical, Self::Navigation, Self::Strategic];
@@ -122,21 +150,25 @@ impl Grade {
                 false => "",
             }
         );
-        let errors: &[Line] = if full { &ERRORS } else { &[] };
+        let errors: &'static [Line] = if full { &ERRORS } else { &[] };
         let mut table = String::new();
         for line in DEFAULT_TOML.lines() {
             if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
                 name.clone_into(&mut table);
             }
-            let given = INSTRUMENTS.iter().chain(errors);
-            let mut given = given.filter(|(of, ..)| *of == table);
-            let own = given.find(|(_, key, _)| is_line_of(line, key));
-            let _ = match own {
-                Some((_, key, values)) => writeln!(text, "{key} = {:?}", values[self as usize]),
+            let find = |lines: &'static [Line]| {
+                let mut lines = lines.iter().filter(|(of, ..)| *of == table);
+                lines.find(|(_, key, _)| is_line_of(line, key))
+            };
+            let given = find(&INSTRUMENTS).or_else(|| find(errors));
+            let value = |values: &[f64; 3]| values[self as usize];
+            let _ = match (given, find(&WANDERING)) {
+                (Some((_, key, values)), _) => writeln!(text, "{key} = {:?}", value(values)),
+                (None, Some((_, key, values))) => writeln!(text, "# {key} = {:?}", value(values)),
                 // Given in another form.
-                None if is_line_of(line, "random_drift_deg_per_h") => writeln!(text, "# {line}"),
+                _ if is_line_of(line, "random_drift_deg_per_h") => writeln!(text, "# {line}"),
                 // The default of a key is not this file's value for it.
-                None => writeln!(text, "{}", line.replace(SHOWN_HERE, SHOWN_ELSEWHERE)),
+                _ => writeln!(text, "{}", line.replace(SHOWN_HERE, SHOWN_ELSEWHERE)),
             };
         }
         text
@@ -168,6 +200,10 @@ mod tests {
                 for (table, key, values) in INSTRUMENTS {
                     let found = json[table][key].as_f64();
                     assert_eq!(found, Some(values[at]), "{table}.{key}");
+                }
+                for (_, key, values) in WANDERING {
+                    let line = format!("\n# {key} = {:?}\n", values[at]);
+                    assert!(text.contains(&line), "{line}");
                 }
                 for (table, key, values) in ERRORS {
                     let expected = full.then_some(values[at]);

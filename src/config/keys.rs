@@ -63,9 +63,19 @@ fn error_keys(table: &str) -> impl Iterator<Item = String> {
 /// Keys of the platform but for its errors.
 const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("site.latitude_deg", Assumed),
-    ("accelerometer.noise_g", Assumed),
+    (NOISE, Assumed),
+    (NOISE_DENSITY, Nothing),
+    (
+        "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
+        Nothing,
+    ),
+    ("accelerometer.bias_instability_ug", Nothing),
+    ("accelerometer.bias_correlation_time_s", Nothing),
     (RANDOM_DRIFT, Assumed),
     (RANDOM_WALK, Nothing),
+    ("gyro.rate_random_walk_deg_per_h_per_sqrt_h", Nothing),
+    ("gyro.bias_instability_deg_per_h", Nothing),
+    ("gyro.bias_correlation_time_s", Nothing),
     ("gyro.output_axis.X", Nothing),
     ("gyro.output_axis.Y", Nothing),
     ("gyro.output_axis.Z", Nothing),
@@ -111,6 +121,10 @@ const OF_THE_TASK: &[(&str, Absent)] = &[
     ("search.time_limit_s", Nothing),
 ];
 
+/// The noise of the accelerometers, of which [`NOISE_DENSITY`] is another form.
+pub(super) const NOISE: &str = "accelerometer.noise_g";
+/// The noise of the accelerometers as a density.
+pub(super) const NOISE_DENSITY: &str = "accelerometer.noise_density_ug_per_sqrt_hz";
 /// The random drift of the gyros, of which [`RANDOM_WALK`] is another form.
 pub(super) const RANDOM_DRIFT: &str = "gyro.random_drift_deg_per_h";
 /// The random drift of the gyros as an angle random walk.

@@ -188,7 +188,8 @@ fn defaulted(given: impl Fn(&str) -> bool) -> Vec<String> {
     keys::KNOWN
         .iter()
         .filter(|(key, absent)| {
-            let is_replaced = key == keys::RANDOM_DRIFT && given(keys::RANDOM_WALK);
+            let is_replaced = (key == keys::RANDOM_DRIFT && given(keys::RANDOM_WALK))
+                || (key == keys::NOISE && given(keys::NOISE_DENSITY));
             *absent == Absent::Assumed && !given(key) && !is_replaced
         })
         .map(|(key, _)| key.clone())

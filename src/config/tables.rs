@@ -220,8 +220,10 @@ impl ScoreConfig {
 #[serde(default)]
 #[non_exhaustive]
 pub struct SearchConfig {
-    /// Most positions of a schedule, 1 to 500.
-    pub max_positions: usize,
+    /// Most positions of a schedule, 1 to 500; none: 24, or 48 where the drift wanders, since more and
+    /// shorter dwells then pay.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_positions: Option<usize>,
     /// Whether measured continuous moves may be part of a schedule.
     pub allow_tumbling: bool,
     /// Seed of the random starts.
@@ -244,7 +246,7 @@ pub struct SearchConfig {
 impl Default for SearchConfig {
     fn default() -> Self {
         Self {
-            max_positions: 24,
+            max_positions: None,
             allow_tumbling: false,
             seed: 1,
             starts: 64,
@@ -257,6 +259,11 @@ impl Default for SearchConfig {
 }
 
 impl SearchConfig {
+    /// Most positions where none is said; `wanders`: the drift does.
+    pub(crate) const fn default_positions(wanders: bool) -> usize {
+        if wanders { 48 } else { 24 }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         let count = |key: &str, value: usize, most: usize, allowed: &str| {
             if (1..=most).contains(&value) {
@@ -265,7 +272,9 @@ impl SearchConfig {
                 Err(Error::out_of_range(key, value, allowed))
             }
         };
-        count("search.max_positions", self.max_positions, 500, "1 to 500")?;
+        if let Some(most) = self.max_positions {
+            count("search.max_positions", most, 500, "1 to 500")?;
+        }
         count("search.starts", self.starts, 1_000_000, "1 to 1000000")?;
         if !(2..=200).contains(&self.front_points) {
             let key = "search.front_points";

@@ -1,6 +1,6 @@
 //! From a checked study to what the evaluator and the search take.
 
-use super::{CheckedConfig, CriterionKind, Mode};
+use super::{CheckedConfig, CriterionKind, Mode, SearchConfig};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::{Evaluator, Objective};
@@ -45,7 +45,9 @@ impl CheckedConfig {
         let search = self.search();
         SearchProblem {
             total_time_s: self.objective().total_time_s,
-            max_positions: search.max_positions,
+            max_positions: search
+                .max_positions
+                .unwrap_or(SearchConfig::default_positions(false)),
             starts: search.starts,
             seed: search.seed,
             position_tolerance: search.position_tolerance,

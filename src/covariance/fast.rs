@@ -39,6 +39,7 @@
 
 pub(crate) mod adjoint;
 pub(crate) mod arithmetic;
+pub(crate) mod coloured;
 #[cfg(test)]
 mod counting;
 pub(crate) mod course;

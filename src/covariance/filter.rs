@@ -26,6 +26,9 @@
 //! z_1 = ψ_z + b_1 + v,   z_2 = b_2 + v,   z_3 = −ψ_x + b_3 + v,   z_4 = ψ_y + v_4,   b = C_c^n δZ^c D.
 //! ```
 //!
+//! Drift and biases that wander are states along the axes of the platform (`wander`), beside ψ^n.
+//! Under a random walk D_F is the drift at the moment, its constant part and what the walk has come to.
+//!
 //! A move turns the torquers whether it takes time or not: ψ^n jumps by ∫ C_c^n T ω_nc^c ds. Considered
 //! parameters have columns but no prior among the rows; see [`full`](super::full) for what becomes of
 //! them.
@@ -35,7 +38,8 @@
 //! Of its own are: the attitude, as the product of three turns, with its own sines, and the rate at
 //! which the gimbals turn it; the terms of the error model, by the names of the parameters and the axes
 //! of each gyro (`terms`); whole filter periods (`instrument`); Φ and Γ, by a Taylor series; the drift
-//! integral of a move, by Runge–Kutta steps; every factorisation, faer's.
+//! integral of a move, by Runge–Kutta steps; what wanders, in the platform and not in n, by both
+//! (`wander`); every factorisation, faer's.
 //! It knows nothing of dwells, of gains, or of covariance. Shared with the
 //! [`chain`](super::chain) are:
 //!
@@ -51,16 +55,18 @@ mod elimination;
 pub(crate) mod instrument;
 mod terms;
 mod transition;
+mod wander;
 
 use nalgebra::{DMatrix, Matrix3};
 
 use elimination::{DriftInformation, Elimination, Told, inverse_of};
 use instrument::{Drive, Instrument, Terms};
 use transition::{runge_kutta_integral, taylor_transition};
+use wander::{Wandered, Wandering};
 
 use super::EndCovariance;
 use super::full::{
-    FullCovariance, IgnoredGroup, Outcome, Question, coefficients, errors_of_coefficients,
+    FullCovariance, IgnoredGroup, Outcome, Question, Walked, coefficients, errors_of_coefficients,
 };
 use super::real::{Dense, Extended, Real, product, transposed};
 use crate::attitude::{EAST, NORTH, Position, UP};
@@ -70,8 +76,8 @@ use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
 use crate::units::{ARCSEC_PER_RAD, Angle};
 
-/// Process noise of a step, one for each ψ.
-const NOISES: usize = 3;
+/// Components of ψ^n, the first states.
+const PSI: usize = 3;
 /// Order of elimination of ψ^n: what is measured first.
 const ORDER: [usize; 3] = [NORTH, EAST, UP];
 /// −[g^n ×], g^n = (0, −1, 0): what each channel sees of ψ^n, (9). The vertical one sees nothing.
@@ -177,7 +183,11 @@ struct SquareRootFilter<'a, T: Real> {
     /// How many parameters are estimated; they come first.
     estimated: Vec<usize>,
     considered: Vec<usize>,
-    /// What is known of ψ^n and D: rows of unit noise on (ψ^n, D/s), ψ^n in [`ORDER`].
+    /// What wanders; none: noise is white.
+    wandering: Option<Wandering>,
+    /// How many states there are beside D: ψ^n, and what wanders.
+    states: usize,
+    /// What is known of them and D: rows of unit noise on (ψ^n, d, b, D/s), ψ^n in [`ORDER`].
     misalignment: Vec<Vec<T>>,
     /// What is known of D alone.
     drift: DriftInformation<T>,
@@ -189,12 +199,15 @@ struct SquareRootFilter<'a, T: Real> {
     cached: Option<(Position, f64, Step<T>)>,
 }
 
-/// An interval: Φ and B, and δZ^n of each parameter at its end.
+/// An interval: Φ and B, what becomes of what wanders, and what the accelerometers show at its end:
+/// δZ^n of each parameter, and the attitude.
 #[derive(Clone)]
 struct Step<T> {
     phi: Dense<T, 3, 3>,
     b: Drive<T>,
+    wandered: Option<Wandered<T>>,
     output: Option<Drive<T>>,
+    attitude: Dense<T, 3, 3>,
 }
 
 impl<'a, T: Real> SquareRootFilter<'a, T> {
@@ -205,7 +218,15 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         let terms_in_doubles = Terms::new(parameters).ok_or_else(unknown)?;
         let noise = Angle::from_rad(platform.noise_g).arcsec();
         let count = parameters.len();
-        let mut misalignment = vec![vec![T::from(0.0); 3 + count]; 3];
+        let wandering = Wandering::of(platform);
+        let states = PSI + wandering.as_ref().map_or(0, Wandering::states);
+        let mut misalignment = vec![vec![T::from(0.0); states + count]; states];
+        let start = wandering
+            .iter()
+            .flat_map(|w| w.start::<T>(platform.period_s));
+        for (i, sigma) in start.enumerate() {
+            misalignment[PSI + i][PSI + i] = T::from(1.0) / T::from(sigma);
+        }
         for (i, axis) in ORDER.into_iter().enumerate() {
             let sigma = Angle::from_rad(platform.prior_misalignment_rad[axis]).arcsec();
             misalignment[i][i] = T::from(1.0) / T::from(sigma.max(T::KNOWN * noise));
@@ -213,9 +234,13 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         let azimuth_noise = platform
             .azimuth_noise_rad
             .map(|v| Angle::from_rad(v).arcsec());
-        // Two of ψ_x and ψ_z, the azimuth; the vertical channel tells of D alone.
-        let seeing = 2 + usize::from(azimuth_noise.is_some());
-        let measured = seeing + usize::from(terms.has_accelerometers());
+        // Two of ψ_x and ψ_z, the azimuth; the vertical channel tells of biases that wander, or of D
+        // alone.
+        let biases = wandering
+            .as_ref()
+            .is_some_and(Wandering::has_accelerometers);
+        let seeing = 2 + usize::from(azimuth_noise.is_some()) + usize::from(biases);
+        let measured = seeing + usize::from(terms.has_accelerometers() && !biases);
         let estimated = platform.errors.estimated();
         Ok(Self {
             platform,
@@ -230,8 +255,10 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
             considered: (estimated..count).collect(),
             misalignment,
             drift: DriftInformation::new(count, estimated, measured),
-            noise_elimination: Elimination::new(NOISES + 3, NOISES + 3 + count, NOISES),
-            misalignment_elimination: Elimination::new(3 + seeing, 3 + count, 3),
+            noise_elimination: Elimination::new(2 * states, 2 * states + count, states),
+            misalignment_elimination: Elimination::new(states + seeing, states + count, states),
+            wandering,
+            states,
             time_s: 0.0,
             leg: 0,
             cached: None,
@@ -264,17 +291,24 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
             false => (0, duration_s),
         };
         for tick in 0..ticks {
-            let step = self.step(drift, tick as f64 * period, period);
-            self.update(&step, period, true);
-            self.time_s += period;
+            self.pass(drift, (tick as f64 * period, period), true);
             self.report(observe);
         }
         if remainder > 0.0 {
-            let step = self.step(drift, ticks as f64 * period, remainder);
-            self.update(&step, remainder, false);
-            self.time_s += remainder;
+            self.pass(drift, (ticks as f64 * period, remainder), false);
             self.report(observe);
         }
+    }
+
+    /// An interval, with the measurement at its end if wanted.
+    fn pass(&mut self, drift: Drift<'_>, (start_s, length_s): (f64, f64), measure: bool) {
+        let parts = self.wandering.as_ref().map_or(1, |w| w.parts(length_s));
+        let part_s = length_s / parts as f64;
+        for part in 0..parts {
+            let step = self.step(drift, start_s + part as f64 * part_s, part_s);
+            self.update(&step, part_s, measure && part + 1 == parts);
+        }
+        self.time_s += length_s;
     }
 
     /// Φ and B of an interval, and what the accelerometers show at its end.
@@ -296,20 +330,28 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
                 });
                 let axes = &self.instrument.axes;
                 let a = self.terms.drift(axes, &attitude, &rate, T::from(1.0));
+                let wandering = self.wandering.as_ref();
                 let step = Step {
                     phi,
                     b: gamma.map(|row| combination(&row, &a)),
+                    wandered: wandering.map(|w| w.held(&attitude, &earth, length_s)),
                     output: self.output(position),
+                    attitude,
                 };
                 self.cached = Some((position, length_s, step.clone()));
                 step
             }
             Drift::Moving(m) => {
                 let [start, length] = [start_s, length_s].map(|s| s / m.duration_s);
+                let part = (start_s, length_s);
+                let wandering = self.wandering.as_ref();
+                let end = m.position_at(start + length);
                 Step {
                     phi: taylor_transition(&earth, length_s).0,
                     b: self.moved(m, (start, length)),
-                    output: self.output(m.position_at(start + length)),
+                    wandered: wandering.map(|w| w.moved(self.instrument, &earth, m, part)),
+                    output: self.output(end),
+                    attitude: self.instrument.attitude(end),
                 }
             }
         }
@@ -334,13 +376,46 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         // F is skew, so Φ is a rotation.
         self.rotate(&step.phi);
         self.drive(&step.b);
-        let process = (self.drift_psd * length_s).sqrt();
-        if process > 0.0 {
-            self.diffuse(T::from(process));
+        let process = T::from((self.drift_psd * length_s).sqrt());
+        match &step.wandered {
+            Some(wandered) => self.wander(wandered),
+            None if process > T::from(0.0) => {
+                self.diffuse(|row| row.iter().map(|v| process * *v).collect());
+            }
+            None => {}
         }
         if measure {
-            self.measure(step.output.as_ref());
+            self.measure(step);
         }
+    }
+
+    /// What wanders drives ψ^n, fades, and comes anew.
+    fn wander(&mut self, wandered: &Wandered<T>) {
+        for row in &mut self.misalignment {
+            let own = [row[0], row[1], row[2]];
+            for (k, kept) in wandered.kept.iter().enumerate() {
+                let at = PSI + 3 * k;
+                for (j, value) in row[at..at + 3].iter_mut().enumerate() {
+                    if let Some(carried) = wandered.carried.get(k) {
+                        let parts = own.iter().zip(ORDER);
+                        let driven = parts.fold(T::from(0.0), |sum, (own, axis)| {
+                            sum + *own * carried[axis][j]
+                        });
+                        *value -= driven;
+                    }
+                    *value /= *kept;
+                }
+            }
+        }
+        self.diffuse(|row| {
+            let mut driven = vec![T::from(0.0); row.len()];
+            for (value, noise) in row.iter().zip(&wandered.noise) {
+                for (sum, g) in driven.iter_mut().zip(noise) {
+                    *sum += *value * *g;
+                }
+            }
+            driven
+        });
     }
 
     /// ψ^n ← ψ^n + B D.
@@ -348,7 +423,8 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         let in_order = ORDER.map(|axis| &b[axis]);
         for row in &mut self.misalignment {
             let own = [row[0], row[1], row[2]];
-            for (j, (value, scale)) in row[3..].iter_mut().zip(&self.scale).enumerate() {
+            let of_parameters = row[self.states..].iter_mut().zip(&self.scale);
+            for (j, (value, scale)) in of_parameters.enumerate() {
                 let parts = own.iter().zip(in_order);
                 let drift = parts.fold(T::from(0.0), |sum, (own, b)| sum + *own * b[j]);
                 *value -= drift * *scale;
@@ -356,31 +432,40 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         }
     }
 
-    /// ψ^n ← ψ^n + `process` v.
-    fn diffuse(&mut self, process: T) {
-        let states = 3 + self.scale.len();
-        let mut rows = vec![vec![T::from(0.0); NOISES + states]; NOISES + 3];
+    /// x ← x + G v, v of unit size: `driven` gives a row times G.
+    fn diffuse(&mut self, driven: impl Fn(&[T]) -> Vec<T>) {
+        let states = self.states;
+        let width = 2 * states + self.scale.len();
+        let mut rows = vec![vec![T::from(0.0); width]; 2 * states];
         for (i, row) in self.misalignment.iter().enumerate() {
             rows[i][i] = T::from(1.0);
-            let driven = &mut rows[NOISES + i];
-            for k in 0..NOISES {
-                driven[k] = -process * row[k];
+            let of_row = &mut rows[states + i];
+            for (value, by) in of_row.iter_mut().zip(driven(&row[..states])) {
+                *value = -by;
             }
-            driven[NOISES..].copy_from_slice(row);
+            of_row[states..].copy_from_slice(row);
         }
         self.noise_elimination.run(&mut rows);
-        for (row, left) in self.misalignment.iter_mut().zip(&rows[NOISES..]) {
-            row.copy_from_slice(&left[NOISES..]);
+        for (row, left) in self.misalignment.iter_mut().zip(&rows[states..]) {
+            row.copy_from_slice(&left[states..]);
         }
     }
 
     /// Takes the measurements of a period.
-    fn measure(&mut self, output: Option<&Drive<T>>) {
+    fn measure(&mut self, step: &Step<T>) {
+        let output = step.output.as_ref();
+        let wandering = self.wandering.as_ref().filter(|w| w.has_accelerometers());
         let mut rows = self.misalignment.clone();
         let mut of_drift_alone = None;
         for (channel, seen) in SEEN.iter().enumerate() {
-            let row = self.channel(seen, output.map(|o| &o[channel]), self.noise);
-            match seen.iter().any(|v| *v != 0.0) {
+            let mut row = self.channel(seen, output.map(|o| &o[channel]), self.noise);
+            if let Some(wandering) = wandering {
+                let biases = wandering.seen(&step.attitude, channel);
+                for (value, bias) in row[PSI..].iter_mut().zip(biases) {
+                    *value = bias / T::from(self.noise);
+                }
+            }
+            match seen.iter().any(|v| *v != 0.0) || wandering.is_some() {
                 true => rows.push(row),
                 false => of_drift_alone = output.is_some().then_some(row),
             }
@@ -391,10 +476,10 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
             rows.push(self.channel(&azimuth, None, noise));
         }
         self.misalignment_elimination.run(&mut rows);
-        let left = rows.split_off(3);
+        let left = rows.split_off(self.states);
         self.misalignment = rows;
         let all = left.iter().chain(&of_drift_alone);
-        self.drift.add(all.map(|row| &row[3..]));
+        self.drift.add(all.map(|row| &row[self.states..]));
     }
 
     /// A row of unit noise for a measurement that sees so much of ψ^n, and what the accelerometers
@@ -405,12 +490,13 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
             .iter()
             .map(|&axis| T::from(seen[axis]) / noise)
             .collect();
+        row.resize(self.states, T::from(0.0));
         match output {
             Some(output) => {
                 let scaled = output.iter().zip(&self.scale);
                 row.extend(scaled.map(|(v, s)| *v * *s / noise));
             }
-            None => row.resize(3 + self.scale.len(), T::from(0.0)),
+            None => row.resize(self.states + self.scale.len(), T::from(0.0)),
         }
         row
     }
@@ -431,37 +517,42 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         self.drift.told(&self.estimated, last, &self.considered)
     }
 
-    /// Covariance of ψ^n: the truth, from what is told of D/s.
-    fn misalignment_covariance(&self, told: &Told<T>) -> Matrix3<f64> {
+    /// The states in terms of the estimates' errors and of what is ignored, from what is told of D/s.
+    fn followed(&self, told: &Told<T>, ignored: &[usize]) -> Followed<T> {
+        let states = self.states;
         let mut rows = self.misalignment.clone();
-        Elimination::new(3, 3 + self.scale.len(), 3).run(&mut rows);
-        let own = inverse_of(&rows, 3);
-        // ψ^n by what is left over, by the estimates' errors and by what is not known of.
+        Elimination::new(states, states + self.scale.len(), states).run(&mut rows);
+        let own = inverse_of(&rows, states);
+        // By what is left over, by the estimates' errors and by what is not known of.
         let through = |of: &dyn Fn(&[T]) -> Vec<T>| {
-            let parts: Vec<Vec<T>> = rows.iter().map(|row| of(&row[3..])).collect();
-            DMatrix::from_fn(3, parts[0].len(), |i, j| {
+            let parts: Vec<Vec<T>> = rows.iter().map(|row| of(&row[states..])).collect();
+            DMatrix::from_fn(states, parts[0].len(), |i, j| {
                 let parts = own[i].iter().zip(&parts);
                 parts.fold(T::from(0.0), |sum, (own, part)| sum + *own * part[j])
             })
         };
-        let noise = DMatrix::from_fn(3, 3, |i, j| own[i][j]);
-        let estimated = through(&|row| combined(row, &told.pivots, &told.root));
-        let considered = through(&|row| {
-            let mut parts = combined(row, &told.pivots, &told.bias);
-            for (part, &c) in parts.iter_mut().zip(&self.considered) {
-                *part += row[c];
-            }
-            parts
-        });
-        let square = |m: &DMatrix<T>| m * m.transpose();
-        let ordered = square(&noise) + square(&estimated) + square(&considered);
-        let mut covariance = Matrix3::zeros();
-        for i in 0..3 {
-            for j in 0..3 {
-                covariance[(ORDER[i], ORDER[j])] = ordered[(i, j)].f64();
-            }
+        Followed {
+            own: DMatrix::from_fn(states, states, |i, j| own[i][j]),
+            estimated: -through(&|row| combined(row, &told.pivots, &told.root)),
+            ignored: -through(&|row| {
+                let mut parts = combined(row, &told.pivots, &told.bias);
+                for (part, &c) in parts.iter_mut().zip(ignored) {
+                    *part += row[c];
+                }
+                parts
+            }),
         }
-        covariance
+    }
+
+    /// What the random walk of the drift has come to, where it has one.
+    fn walked(&self, of: &Followed<T>) -> Option<Walked> {
+        let has_walk = self.wandering.as_ref().is_some_and(Wandering::has_walk);
+        let rows = |m: &DMatrix<T>| m.rows(PSI, 3).map(T::f64);
+        has_walk.then(|| Walked {
+            own: rows(&of.own),
+            by_estimates: rows(&of.estimated),
+            by_ignored: rows(&of.ignored),
+        })
     }
 
     fn report(&self, observe: &mut dyn FnMut(&Moment)) {
@@ -472,6 +563,14 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
                 let parts = told.root[k].iter().chain(&told.bias[k]);
                 let squares: f64 = parts.map(|v| v.f64() * v.f64()).sum();
                 sigma[parameter] = squares.sqrt() * self.scale[parameter].f64();
+            }
+        }
+        let has_walk = self.wandering.as_ref().is_some_and(Wandering::has_walk);
+        let walked = has_walk.then(|| self.followed(&told, &self.considered));
+        if let Some(walked) = walked.and_then(|followed| self.walked(&followed)) {
+            let [root, bias] = [&told.root, &told.bias].map(|m| self.scaled(&told, m));
+            for (gyro, of) in walked.sigma(&told.pivots, &root, &bias) {
+                sigma[gyro] = of;
             }
         }
         observe(&Moment {
@@ -495,7 +594,10 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
         let answered = questions.into_iter().map(|(group, role, question)| {
             let estimated = [&twelve[..], &question.others].concat();
             let told = self.drift.told(&estimated, &twelve, &question.ignored);
-            let bias = self.scaled(&told, &told.bias);
+            let mut bias = self.scaled(&told, &told.bias);
+            if let Some(walked) = self.walked(&self.followed(&told, &question.ignored)) {
+                walked.add_to_bias(&told.pivots, &mut bias);
+            }
             IgnoredGroup {
                 group,
                 role,
@@ -507,10 +609,12 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
 
     fn end(&self) -> Result<FullCovariance> {
         let told = self.told(&coefficients());
+        let followed = self.followed(&told, &self.considered);
         let full = FullCovariance::new(Outcome {
             root: self.scaled(&told, &told.root),
             bias: self.scaled(&told, &told.bias),
-            misalignment: self.misalignment_covariance(&told),
+            misalignment: followed.misalignment(),
+            walked: self.walked(&followed),
             budget: self.budget(),
             pivots: told.pivots,
         });
@@ -521,6 +625,32 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
                  the durations are too far apart to give a trustworthy number",
             )),
         }
+    }
+}
+
+/// The states: what of them is their own, unit by unit, and what follows from the estimates' errors and
+/// from one s of each parameter that is ignored.
+struct Followed<T: Real> {
+    own: DMatrix<T>,
+    estimated: DMatrix<T>,
+    ignored: DMatrix<T>,
+}
+
+impl<T: Real> Followed<T> {
+    /// Covariance of ψ^n.
+    fn misalignment(&self) -> Matrix3<f64> {
+        let square = |m: &DMatrix<T>| {
+            let psi = m.rows(0, PSI);
+            psi * psi.transpose()
+        };
+        let ordered = square(&self.own) + square(&self.estimated) + square(&self.ignored);
+        let mut covariance = Matrix3::zeros();
+        for i in 0..3 {
+            for j in 0..3 {
+                covariance[(ORDER[i], ORDER[j])] = ordered[(i, j)].f64();
+            }
+        }
+        covariance
     }
 }
 

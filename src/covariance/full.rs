@@ -27,6 +27,10 @@ pub struct FullCovariance {
     pub claimed: DMatrix<f64>,
     /// What ignoring each group adds.
     pub budget: Vec<IgnoredGroup>,
+    /// 1σ of the constant part of D_FX, D_FY, D_FZ, °/h, the truth, under a random walk of the drift:
+    /// D_F itself is then the drift at the end of the test, that part and what the walk has come to. None:
+    /// no random walk.
+    pub constant_part_deg_per_h: Option<[f64; 3]>,
 }
 
 /// What a filter adds that ignores a group of parameters.
@@ -57,7 +61,81 @@ pub(super) struct Outcome {
     pub bias: DMatrix<f64>,
     /// Of ψ^n: the truth, arcsec².
     pub misalignment: Matrix3<f64>,
+    /// What the random walk of the drift has come to; none: it has none.
+    pub walked: Option<Walked>,
     pub budget: Vec<IgnoredGroup>,
+}
+
+/// What the random walk of the drift of gyros X, Y, Z has come to at the end, °/h.
+pub(super) struct Walked {
+    /// A root of what of its covariance is its own.
+    pub own: DMatrix<f64>,
+    /// What it is of the errors of the estimates, whose root L is: a column for each of L.
+    pub by_estimates: DMatrix<f64>,
+    /// What it is of the parameters that are ignored, at one prior σ of each.
+    pub by_ignored: DMatrix<f64>,
+}
+
+impl Walked {
+    /// The rows of D_FX, D_FY, D_FZ, with the gyro.
+    fn rows(pivots: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let gyro =
+            |(row, parameter): (usize, &usize)| (*parameter < 3).then_some((row, *parameter));
+        pivots.iter().enumerate().filter_map(gyro)
+    }
+
+    /// Adds it to what is ignored makes of D_F.
+    pub fn add_to_bias(&self, pivots: &[usize], bias: &mut DMatrix<f64>) {
+        for (row, gyro) in Self::rows(pivots) {
+            let mut of = bias.row_mut(row);
+            of += self.by_ignored.row(gyro);
+        }
+    }
+
+    /// 1σ of the drift D_F + d(T) of each gyro, with its index.
+    pub fn sigma<'a>(
+        &'a self,
+        pivots: &'a [usize],
+        root: &'a DMatrix<f64>,
+        bias: &'a DMatrix<f64>,
+    ) -> impl Iterator<Item = (usize, f64)> + 'a {
+        Self::rows(pivots).map(|(row, gyro)| {
+            let estimated = root.row(row) + self.by_estimates.row(gyro);
+            let ignored = bias.row(row) + self.by_ignored.row(gyro);
+            let own = self.own.row(gyro).norm_squared();
+            let sum = own + estimated.norm_squared() + ignored.norm_squared();
+            (gyro, sum.sqrt())
+        })
+    }
+
+    /// The root and the bias with D_F + d(T) for D_F.
+    fn at_the_end(
+        &self,
+        pivots: &[usize],
+        root: &DMatrix<f64>,
+        bias: &DMatrix<f64>,
+    ) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (count, own) = (pivots.len(), self.own.ncols());
+        let mut both = root.clone().resize_horizontally(count + own, 0.0);
+        for (row, gyro) in Self::rows(pivots) {
+            let mut of = both.view_mut((row, 0), (1, count));
+            of += self.by_estimates.row(gyro);
+            both.view_mut((row, count), (1, own))
+                .copy_from(&self.own.row(gyro));
+        }
+        let mut bias = bias.clone();
+        self.add_to_bias(pivots, &mut bias);
+        (upper_root(&both), bias)
+    }
+}
+
+/// U, upper triangular, with U Uᵀ = M Mᵀ: by one triangle, from the last row up. With J the reversal,
+/// (J M)ᵀ = Q R gives M Mᵀ = (J Rᵀ J)(J R J).
+fn upper_root(m: &DMatrix<f64>) -> DMatrix<f64> {
+    let last = m.nrows() - 1;
+    let reversed = DMatrix::from_fn(m.ncols(), m.nrows(), |i, j| m[(last - j, i)]);
+    let r = reversed.qr().r();
+    DMatrix::from_fn(m.nrows(), m.nrows(), |i, j| r[(last - j, last - i)])
 }
 
 /// The twelve coefficients.
@@ -123,8 +201,21 @@ impl FullCovariance {
             root,
             bias,
             misalignment,
+            walked,
             budget,
         } = outcome;
+        let constant_part_deg_per_h = walked.as_ref().map(|_| {
+            let mut sigma = [0.0; 3];
+            for (row, gyro) in Walked::rows(&pivots) {
+                let squares = root.row(row).norm_squared() + bias.row(row).norm_squared();
+                sigma[gyro] = squares.sqrt();
+            }
+            sigma
+        });
+        let (root, bias) = match &walked {
+            Some(walked) => walked.at_the_end(&pivots, &root, &bias),
+            None => (root, bias),
+        };
         let first = pivots.len() - COEFFICIENTS;
         let coefficient_root = coefficient_root(&pivots[first..], &root, &bias);
         let matrix = coefficient_root.matrix();
@@ -159,6 +250,7 @@ impl FullCovariance {
                 misalignment,
             },
             budget,
+            constant_part_deg_per_h,
         }
     }
 
@@ -170,6 +262,7 @@ impl FullCovariance {
             claimed: parameters.clone(),
             parameters,
             budget: Vec::new(),
+            constant_part_deg_per_h: None,
             end,
         }
     }
@@ -277,6 +370,7 @@ mod tests {
                 root: root.clone(),
                 bias: bias.clone(),
                 misalignment: Matrix3::identity(),
+                walked: None,
                 budget: Vec::new(),
             });
             let truth = &root * root.transpose() + &bias * bias.transpose();

@@ -131,6 +131,24 @@ impl<T: Real> Rows<T> {
         }
     }
 
+    /// Adds rows of unit noise on the parameters.
+    pub fn add_rows(&mut self, rows: &DMatrix<T>) {
+        let nothing = T::from(0.0);
+        for row in rows.row_iter() {
+            if row.iter().all(|v| *v == nothing) {
+                continue;
+            }
+            if self.used + 1 > self.stack.len() {
+                self.compress();
+            }
+            let columns = row.iter().zip(&self.prior_sigma);
+            for (value, (of, sigma)) in self.stack[self.used].iter_mut().zip(columns) {
+                *value = *of * T::from(*sigma);
+            }
+            self.used += 1;
+        }
+    }
+
     /// Triangularises what has been added.
     pub fn compress(&mut self) {
         let count = self.count();

@@ -19,8 +19,9 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use super::chain::{Effects, NoRecord, Reached, run};
+use super::coloured;
 use super::full::{
-    FullCovariance, IgnoredGroup, Outcome, Question, coefficients, errors_of_coefficients,
+    FullCovariance, IgnoredGroup, Outcome, Question, Walked, coefficients, errors_of_coefficients,
 };
 use super::kernel::Kernel;
 use super::kernel_table::Doublings;
@@ -136,13 +137,13 @@ pub(crate) struct Selection<'a, T: Real> {
 /// An attitude with what the parameters do there.
 pub(crate) struct Place<T> {
     /// C_c^n.
-    c: Matrix3<T>,
+    pub c: Matrix3<T>,
     /// A, or A' where the accelerometers have errors.
-    a: Matrix3xX<T>,
+    pub a: Matrix3xX<T>,
     /// U, if they have.
-    shift: Option<Matrix3xX<T>>,
+    pub shift: Option<Matrix3xX<T>>,
     /// b_2 / r in the first row.
-    upward: Option<Matrix3xX<T>>,
+    pub upward: Option<Matrix3xX<T>>,
 }
 
 impl<'a, T: Real> Selection<'a, T> {
@@ -177,7 +178,18 @@ impl<'a, T: Real> Selection<'a, T> {
         self.degree
     }
 
-    fn place_at(&self, c: Matrix3<T>) -> Place<T> {
+    /// How many parameters there are.
+    pub fn count(&self) -> usize {
+        self.mixing.0.len()
+    }
+
+    /// The model.
+    pub fn of_model(&self) -> &'a CovarianceModel {
+        self.model
+    }
+
+    /// What the parameters do where the platform stands so.
+    pub fn place_at(&self, c: Matrix3<T>) -> Place<T> {
         let model = self.model;
         let rate = c.transpose() * model.earth_rate_n.map(T::from);
         let mut a = self.mixing.drift(&c, &rate, T::from(1.0));
@@ -385,7 +397,15 @@ impl CovarianceModel {
     ///
     /// As [`CovarianceModel::full_covariance`].
     pub(crate) fn truth(&self, timeline: &Timeline) -> Result<FullCovariance> {
-        let rule = TickRule::Filter;
+        self.truth_by(timeline, TickRule::Filter)
+    }
+
+    /// The same by any tick rule.
+    ///
+    /// # Errors
+    ///
+    /// As [`CovarianceModel::full_covariance`].
+    pub(crate) fn truth_by(&self, timeline: &Timeline, rule: TickRule) -> Result<FullCovariance> {
         if self.is_of_the_paper() {
             let end = self.end_covariance(timeline, rule)?;
             return Ok(FullCovariance::of_coefficients(end));
@@ -412,7 +432,17 @@ impl CovarianceModel {
             .map(|p| p.prior_sigma)
             .collect();
         let mut rows = Rows::on(&priors);
-        let reached = run(&selection, timeline, rule, &mut rows, &mut NoRecord);
+        let reached = match self.is_white() {
+            true => {
+                let Reached { v, g } = run(&selection, timeline, rule, &mut rows, &mut NoRecord);
+                AtEnd {
+                    p: g * g.transpose(),
+                    v,
+                    walk: None,
+                }
+            }
+            false => AtEnd::of(&coloured::run(&selection, timeline, rule, &mut rows)),
+        };
         let told = rows.largest();
         let Question { others, ignored } = Question::of(&self.errors);
         let twelve = coefficients();
@@ -421,16 +451,21 @@ impl CovarianceModel {
         let mut budget = Vec::new();
         for (group, role, question) in asked {
             let of = rows.solution([&question.others, &twelve], &question.ignored)?;
+            let mut bias = in_doubles(&of.bias);
+            if let Some(walked) = reached.walked(&of, &question.ignored, &priors) {
+                walked.add_to_bias(&of.pivots, &mut bias);
+            }
             budget.push(IgnoredGroup {
                 group,
                 role,
-                error_deg_per_h: errors_of_coefficients(&of.pivots, &in_doubles(&of.bias)),
+                error_deg_per_h: errors_of_coefficients(&of.pivots, &bias),
             });
         }
         let full = FullCovariance::new(Outcome {
             root: in_doubles(&solved.root),
             bias: in_doubles(&solved.bias),
-            misalignment: misalignment(&reached, &solved, &ignored, &priors),
+            misalignment: reached.misalignment(&solved, &ignored, &priors),
+            walked: reached.walked(&solved, &ignored, &priors),
             budget,
             pivots: solved.pivots,
         });
@@ -446,24 +481,60 @@ impl CovarianceModel {
     }
 }
 
-/// Covariance of ψ^n: of its own, through the estimates, and through what is ignored.
-fn misalignment<T: Real>(
-    reached: &Reached<Selection<'_, T>>,
-    solved: &Solved<T>,
-    ignored: &[usize],
-    priors: &[f64],
-) -> Matrix3<f64> {
-    let Reached { v, g } = reached;
-    let estimated = v.select_columns(&solved.pivots);
-    let by_estimates = &estimated * &solved.root;
-    let mut by_ignored = &estimated * &solved.bias;
-    for (mut column, &k) in by_ignored.column_iter_mut().zip(ignored) {
-        column += v.column(k) * T::from(priors[k]);
+/// What is known of ψ^n and of the drift's random walk for known D, and what D does to them.
+struct AtEnd<T: Real> {
+    /// V of ψ^n.
+    v: Matrix3xX<T>,
+    /// Covariance of ψ^n, arcsec².
+    p: Matrix3<T>,
+    /// Of the random walk along the axes of the gyros: V, and a root of its covariance.
+    walk: Option<[DMatrix<T>; 2]>,
+}
+
+impl<T: Real> AtEnd<T> {
+    fn of(end: &coloured::End<T>) -> Self {
+        let g = end.g.rows(0, 3);
+        let p = g * g.transpose();
+        Self {
+            v: Matrix3xX::from_fn(end.v.ncols(), |i, j| end.v[(i, j)]),
+            p: Matrix3::from_fn(|i, j| p[(i, j)]),
+            walk: end.walk.map(|at| {
+                let to_gyros = end.attitude.transpose();
+                [&end.v, &end.g]
+                    .map(|m| to_gyros * m.rows(at, 3))
+                    .map(|m| DMatrix::from_fn(3, m.ncols(), |i, j| m[(i, j)]))
+            }),
+        }
     }
-    let covariance = g * g.transpose()
-        + &by_estimates * by_estimates.transpose()
-        + &by_ignored * by_ignored.transpose();
-    covariance.map(T::f64)
+
+    /// Covariance of ψ^n: of its own, through the estimates, and through what is ignored.
+    fn misalignment(&self, solved: &Solved<T>, ignored: &[usize], priors: &[f64]) -> Matrix3<f64> {
+        let estimated = self.v.select_columns(&solved.pivots);
+        let by_estimates = &estimated * &solved.root;
+        let mut by_ignored = &estimated * &solved.bias;
+        for (mut column, &k) in by_ignored.column_iter_mut().zip(ignored) {
+            column += self.v.column(k) * T::from(priors[k]);
+        }
+        let covariance = self.p
+            + &by_estimates * by_estimates.transpose()
+            + &by_ignored * by_ignored.transpose();
+        covariance.map(T::f64)
+    }
+
+    /// What the drift's random walk has come to, where it has one.
+    fn walked(&self, solved: &Solved<T>, ignored: &[usize], priors: &[f64]) -> Option<Walked> {
+        let [v, g] = self.walk.as_ref()?;
+        let estimated = v.select_columns(&solved.pivots);
+        let mut by_ignored = &estimated * &solved.bias;
+        for (mut column, &k) in by_ignored.column_iter_mut().zip(ignored) {
+            column += v.column(k) * T::from(priors[k]);
+        }
+        Some(Walked {
+            own: g.map(T::f64),
+            by_estimates: (estimated * &solved.root).map(T::f64),
+            by_ignored: by_ignored.map(T::f64),
+        })
+    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! factorization for weighted least squares problems*, 1998). So what a weak row tells keeps its
 //! digits beside rows that tell 1e16 times more.
 
-use nalgebra::SMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 use super::real::Real;
 
@@ -173,6 +173,48 @@ pub(super) fn inverse<T: Real, const N: usize>(r: &SMatrix<T, N, N>) -> SMatrix<
     inverse
 }
 
+/// R with RᵀR = AᵀA + BᵀB, of as many rows as columns.
+pub(super) fn stacked<T: Real>(a: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
+    dynamic_triangle([a, b].into_iter().flat_map(dynamic_rows), a.ncols())
+}
+
+/// R with RᵀR = I + AᵀA.
+pub(super) fn one_and_rows<T: Real>(a: &DMatrix<T>) -> DMatrix<T> {
+    stacked(a, &DMatrix::identity(a.ncols(), a.ncols()))
+}
+
+/// A root of A Aᵀ + B Bᵀ.
+pub(super) fn root_of_sum<T: Real>(a: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
+    stacked(&a.transpose(), &b.transpose()).transpose()
+}
+
+fn dynamic_rows<T: Real>(m: &DMatrix<T>) -> impl Iterator<Item = Vec<T>> + '_ {
+    m.row_iter().map(|row| row.iter().copied().collect())
+}
+
+fn dynamic_triangle<T: Real>(rows: impl Iterator<Item = Vec<T>>, columns: usize) -> DMatrix<T> {
+    let mut rows: Vec<Vec<T>> = rows.collect();
+    rows.resize(rows.len().max(columns), vec![T::from(0.0); columns]);
+    triangularise(&mut rows, columns);
+    DMatrix::from_fn(columns, columns, |i, j| rows[i][j])
+}
+
+/// R⁻¹ of an upper triangular R.
+pub(super) fn inverse_of<T: Real>(r: &DMatrix<T>) -> DMatrix<T> {
+    let count = r.ncols();
+    let mut inverse = DMatrix::identity(count, count);
+    for j in 0..count {
+        for i in (0..=j).rev() {
+            let mut value = inverse[(i, j)];
+            for k in i + 1..=j {
+                value -= r[(i, k)] * inverse[(k, j)];
+            }
+            inverse[(i, j)] = value / r[(i, i)];
+        }
+    }
+    inverse
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,6 +245,23 @@ mod tests {
         let root = add_roots(&a, &b);
         let sum = a * a.transpose() + b * b.transpose();
         assert!((root * root.transpose() - sum).amax() < 1e-12);
+    }
+
+    #[test]
+    fn of_any_size_too() {
+        let (a, b) = (sample(0.3), sample(1.9) * 40.0);
+        let dynamic = |m: &Matrix3<f64>| DMatrix::from_fn(3, 3, |i, j| m[(i, j)]);
+        let fixed = |m: &DMatrix<f64>| Matrix3::from_fn(|i, j| m[(i, j)]);
+        let (da, db) = (dynamic(&a), dynamic(&b));
+        assert_eq!(fixed(&stacked(&da, &db)), triangle(&[&a, &b]));
+        assert_eq!(fixed(&one_and_rows(&db)), one_and(&b));
+        assert_eq!(fixed(&root_of_sum(&da, &db)), add_roots(&a, &b));
+        let r = one_and(&b);
+        assert_eq!(fixed(&inverse_of(&dynamic(&r))), inverse(&r));
+        // Fewer rows than columns.
+        let wide = DMatrix::from_row_slice(1, 3, &[1.0, 2.0, 3.0]);
+        let r = stacked(&wide, &DMatrix::zeros(0, 3));
+        assert!((r.transpose() * &r - wide.transpose() * &wide).amax() < 1e-14);
     }
 
     #[test]

@@ -41,6 +41,8 @@ pub enum Compared {
     Parameter(&'static str, Unit),
     /// The σ that the filter claims of a parameter, where some are only considered.
     Claimed(&'static str, Unit),
+    /// σ of the constant part of D_F of gyro X, Y, Z, where the drift walks.
+    ConstantPart(&'static str),
     /// What ignoring a group of errors adds, by its key.
     Ignored(&'static str),
 }
@@ -52,16 +54,17 @@ impl Compared {
             Self::Coefficient(c) => c.name().to_owned(),
             Self::Misalignment(axis) => MISALIGNMENT_NAMES[axis].to_owned(),
             Self::Correlation(a, b) => format!("{}, {}", a.name(), b.name()),
-            Self::Parameter(name, _) | Self::Claimed(name, _) | Self::Ignored(name) => {
-                name.to_owned()
-            }
+            Self::Parameter(name, _)
+            | Self::Claimed(name, _)
+            | Self::ConstantPart(name)
+            | Self::Ignored(name) => name.to_owned(),
         }
     }
 
     /// `deg/h`, `arcsec` or another unit; `1` of a correlation.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Coefficient(_) | Self::Ignored(_) => "deg/h",
+            Self::Coefficient(_) | Self::ConstantPart(_) | Self::Ignored(_) => "deg/h",
             Self::Parameter(_, unit) | Self::Claimed(_, unit) => unit.name(),
             Self::Misalignment(_) => "arcsec",
             Self::Correlation(..) => "1",
@@ -79,6 +82,7 @@ impl Disagreement {
                 "sigmas"
             }
             Compared::Claimed(..) => "claimed sigmas",
+            Compared::ConstantPart(_) => "sigmas of the constant part",
             Compared::Ignored(_) => "errors by ignorance",
             Compared::Correlation(..) => "correlations",
         };
@@ -132,8 +136,12 @@ fn compare_parameters(
                 )
             })
         });
+    let constant = |full: &FullCovariance| full.constant_part_deg_per_h.unwrap_or_default();
+    let constant = pairs(constant(kernels).into(), constant(filter).into());
+    let constant = constant.map(|(p, (a, b))| (Compared::ConstantPart(p.name), a, b, 0.0));
     let mut worst = 0.0_f64;
-    for (of, kernels, filter, least) in truth.chain(claimed).chain(budget) {
+    let all = truth.chain(claimed).chain(constant).chain(budget);
+    for (of, kernels, filter, least) in all {
         let difference = match kernels == filter {
             true => 0.0,
             false => (kernels - filter).abs() / filter.max(least),

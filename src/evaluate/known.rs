@@ -14,6 +14,8 @@ pub struct KnownParameter {
     pub sigma: f64,
     /// What the filter claims, where there are parameters that it does not know of.
     pub claimed_sigma: Option<f64>,
+    /// 1σ of the constant part, where σ is of the drift at the end of the test: D_F under a random walk.
+    pub constant_part_sigma: Option<f64>,
     /// Highest derivative of the measurement that a solution needs; none: not observable, or not
     /// estimated.
     pub order: Option<Order>,
@@ -32,6 +34,9 @@ pub(super) fn known_parameters(
         parameter: *parameter,
         sigma: truth.get(k).copied().unwrap_or(parameter.prior_sigma),
         claimed_sigma: claimed.get(k).copied().filter(|_| differs),
+        constant_part_sigma: full
+            .constant_part_deg_per_h
+            .and_then(|of| of.get(k).copied()),
         order: of_each.get(k).and_then(|of| of.order),
         separability: of_each.get(k).and_then(|of| of.separability),
     };

@@ -119,6 +119,16 @@ static RULES: LazyLock<[(f64, Rule); 4]> = LazyLock::new(|| {
     [(0.5, 6), (1.5, 8), (4.5, 12), (8.0, 16)].map(|(kappa, n)| (kappa, Rule::gauss_legendre(n)))
 });
 
+/// The eight nodes of Gauss's rule on [0, 1], in order, with their weights.
+pub(crate) fn eight_nodes() -> &'static [(f64, f64)] {
+    &RULES[1].1.nodes
+}
+
+/// The sixteen nodes of Gauss's rule on [0, 1], in order, with their weights.
+pub(crate) fn sixteen_nodes() -> &'static [(f64, f64)] {
+    &RULES[3].1.nodes
+}
+
 /// Half the phase that the integrand runs through in `length_s` of the move: the gimbals' turn,
 /// and the Earth's in Φ.
 pub(crate) fn half_phase(m: &Move, length_s: f64) -> f64 {

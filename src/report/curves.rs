@@ -1,6 +1,6 @@
 //! Pictures of one simulated run: every state with its estimate, and every error with its band.
 
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use crate::drift::{COEFFICIENTS, DriftCoefficient};
 use crate::simulate::{Sample, Trajectory};
 use crate::units::Angle;
 
@@ -84,16 +84,15 @@ fn all_states(trajectory: &Trajectory) -> Vec<StateCurve> {
             }),
         }
     });
-    let truth: &CoefficientVector = &trajectory.drift_deg_per_h;
     let drifts = (0..COEFFICIENTS).map(|i| StateCurve {
         name: DriftCoefficient::ALL[i].name().to_owned(),
         units: ["°/h", "°/h"],
         error_scale: 1.0,
         points: points(&kept, |s| {
             [
-                truth[i],
+                s.drift_deg_per_h[i],
                 s.drift_estimate_deg_per_h[i],
-                s.drift_estimate_deg_per_h[i] - truth[i],
+                s.drift_estimate_deg_per_h[i] - s.drift_deg_per_h[i],
                 s.drift_sigma_deg_per_h[i],
             ]
         }),

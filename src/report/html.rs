@@ -445,11 +445,14 @@ fn command_blocks(subject: &Subject) -> Vec<Block> {
 }
 
 fn accuracy_blocks(subject: &Subject) -> Vec<Block> {
-    vec![
+    let mut blocks = vec![
         Block::Pictures(pictures::accuracy(subject)),
         Block::Table(tables::accuracy(subject)),
-        Block::Table(tables::misalignment(subject)),
-    ]
+    ];
+    let constant_part = words::constant_part(&subject.document);
+    blocks.extend(constant_part.map(|said| Block::Text(typeset(&said))));
+    blocks.push(Block::Table(tables::misalignment(subject)));
+    blocks
 }
 
 fn observability_blocks(subject: &Subject) -> Vec<Block> {

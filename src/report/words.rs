@@ -2,6 +2,8 @@
 
 use crate::config::StudyConfig;
 use crate::drift::DriftCoefficient;
+use crate::model::Colour;
+use crate::platform::Platform;
 use crate::results::{
     CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
     RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
@@ -424,6 +426,22 @@ pub fn claims(document: &EvaluationDocument) -> Option<String> {
     ))
 }
 
+/// What D_F means under a rate random walk, and how well its constant part is known; none without one.
+pub fn constant_part(document: &EvaluationDocument) -> Option<String> {
+    let parts = document.parameters.iter().filter_map(|p| {
+        let sigma = p.constant_part_sigma?;
+        Some(format!("{} {}", p.name, number(sigma)))
+    });
+    let parts: Vec<String> = parts.collect();
+    (!parts.is_empty()).then(|| {
+        format!(
+            "The drift walks: D_F is the drift at the end of the test, its constant part and what the rate \
+             random walk has come to. 1 sigma of the constant part alone: {} deg/h.",
+            listed(&parts)
+        )
+    })
+}
+
 /// What is changed for [`EvaluationDocument::limits`], and how that is counted.
 pub const LIMITS: &str = "The criterion with one thing better, as a ratio to that of the plan. The total \
     time stays; time that is saved goes to the dwells in proportion, and the schedule is not searched \
@@ -454,9 +472,43 @@ pub fn perfect(inputs: &StudyConfig) -> String {
         .filter(|group| counts(group.key) && !has(group.key))
         .map(|group| group.title)
         .collect();
-    let noise = "random drift and noise are white";
+    let noise = wandering(checked.as_ref().ok());
     match absent.is_empty() {
         true => format!("Modelled: the full error model; {noise}."),
         false => format!("Perfect in this plan: {}; {noise}.", listed(&absent)),
+    }
+}
+
+/// What is said of noise: what wanders, and what of it is not modelled.
+fn wandering(platform: Option<&Platform>) -> String {
+    let [drift, bias] = [Platform::drift_colour, Platform::accelerometer_colour]
+        .map(|of| platform.map_or(Colour::WHITE, |p| *of(p)));
+    let kinds = [
+        ("rate random walk", drift.random_walk.is_some()),
+        ("bias instability of the gyros", drift.markov.is_some()),
+        ("acceleration random walk", bias.random_walk.is_some()),
+        (
+            "bias instability of the accelerometers",
+            bias.markov.is_some(),
+        ),
+    ];
+    let of = |wanted: bool| {
+        let chosen = kinds
+            .iter()
+            .filter(move |(_, modelled)| *modelled == wanted);
+        chosen.map(|(name, _)| *name).collect::<Vec<_>>()
+    };
+    let (modelled, absent) = (of(true), of(false));
+    match (modelled.is_empty(), absent.is_empty()) {
+        (true, _) => format!(
+            "random drift and noise are white (not modelled: {})",
+            listed(&absent)
+        ),
+        (false, true) => "all noise that wanders is in it".to_owned(),
+        (false, false) => format!(
+            "modelled: {}; not modelled: {}",
+            listed(&modelled),
+            listed(&absent)
+        ),
     }
 }

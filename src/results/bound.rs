@@ -59,6 +59,10 @@ pub struct BoundDocument {
     /// there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub taken_as_known: Vec<String>,
+    /// Keys of noise that wanders, which the platform has and the bound leaves out; left out when there are
+    /// none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub noise_left_out: Vec<String>,
     /// What the bound does not cover, or why it is weak.
     pub remarks: Vec<String>,
     /// The study as resolved.
@@ -117,6 +121,11 @@ impl BoundDocument {
             trace_information_h2_per_deg2: majorant.and_then(|m| m.trace_information),
             taken_as_known: bound
                 .taken_as_known
+                .iter()
+                .map(ToString::to_string)
+                .collect(),
+            noise_left_out: bound
+                .noise_left_out
                 .iter()
                 .map(ToString::to_string)
                 .collect(),

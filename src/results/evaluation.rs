@@ -335,6 +335,8 @@ impl ScoreRecord {
             known_before: objective
                 .criterion
                 .known_before(prior_sigma)
+                // A drift that is known and walks is not known at the end.
+                .filter(|_| score.criterion <= 0.0)
                 .map(|known| known.to_string()),
             weights: ScoreWeights {
                 covariance: objective.covariance_weight,

@@ -47,6 +47,10 @@ pub struct ParameterRecord {
     /// 1σ after the test as the filter claims it; absent: nothing is considered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub claimed_sigma: Option<f64>,
+    /// 1σ of the constant part of D_F under a rate random walk: `sigma` then is of the drift at the end of
+    /// the test, the constant part and what the walk has come to; absent: no random walk.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub constant_part_sigma: Option<f64>,
     /// Specification, 1σ; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spec: Option<f64>,
@@ -104,6 +108,7 @@ pub(super) fn of(evaluation: &Evaluation, objective: &Objective) -> Vec<Paramete
             prior_sigma: p.prior_sigma,
             sigma: known.sigma,
             claimed_sigma: known.claimed_sigma,
+            constant_part_sigma: known.constant_part_sigma,
             spec: spec(k).and_then(finite),
             observability_order: known.order.map(|o| o.number()),
             separability: known.separability,

@@ -41,6 +41,7 @@ impl Nominal {
             earth_rate_n,
             instruments,
             random_n: Vector3::zeros(),
+            wandering: Vector3::zeros(),
         };
         self.rotation = disturbance.integrate(&self.rotation, interval, way);
     }
@@ -72,7 +73,8 @@ pub(super) struct ExtendedFilter<'a> {
     pub nominal: Nominal,
     /// Those of the nominal platform.
     instruments: Instruments,
-    /// The estimate less the nominal platform: η of E = exp([η×]) Ê, and the parameters.
+    /// The estimate less the nominal platform: η of E = exp([η×]) Ê, and the parameters. Nothing wanders
+    /// of the nominal platform: what does is all here.
     pub correction: State,
     pub knowledge: Knowledge,
 }
@@ -86,18 +88,20 @@ impl<'a> ExtendedFilter<'a> {
             about: About::Estimate,
             instruments: belief.layout.instruments(&nominal.parameters),
             nominal,
-            correction: State::zero(belief.estimated()),
+            correction: State::zero(&belief.shape),
             knowledge: belief.knowledge(),
         }
     }
 
     /// A filter with the same prior that linearises about the trajectory from `start`.
     pub fn about(belief: &'a Belief, start: Nominal) -> Self {
+        let mut parameters: Vec<f64> = start.parameters.iter().map(|v| -v).collect();
+        parameters.resize(belief.shape.psi(), 0.0);
         Self {
             about: About::Trajectory,
             correction: State {
                 psi: -start.rotation.scaled_axis() * ARCSEC_PER_RAD,
-                parameters: start.parameters.iter().map(|v| -v).collect(),
+                parameters,
             },
             instruments: belief.layout.instruments(&start.parameters),
             nominal: start,
@@ -124,10 +128,11 @@ impl<'a> ExtendedFilter<'a> {
         nominal
     }
 
-    /// How far the estimate lies from the nominal platform, squared, in σ.
+    /// How far the estimate lies from the nominal platform, squared, in σ; of what wanders apart.
     pub fn deviation(&self) -> f64 {
         let root = self.knowledge.claimed();
-        root.nees(&self.correction.numbers()).states
+        let of = root.nees_without_wandering(&self.correction.numbers());
+        of.states
     }
 
     /// Predicts through `interval`.
@@ -151,6 +156,9 @@ impl<'a> ExtendedFilter<'a> {
         let State { parameters, psi } = &mut self.correction;
         let driven = parameters.iter().zip(step.b.column_iter());
         *psi = step.phi * *psi + driven.fold(Vector3::zeros(), |sum, (d, b)| sum + b * *d);
+        if let Some(fading) = &step.fading {
+            fading.fade(&mut parameters[self.belief.estimated()..]);
+        }
     }
 
     /// Φ and B about the nominal platform: those of (8) with the attitude it is believed to
@@ -175,10 +183,9 @@ impl<'a> ExtendedFilter<'a> {
         let f = (m_n * GRAVITY_N.cross_matrix() - belief.earth_rate_n.cross_matrix()) * pace;
         let (fh, identity) = (f * interval.span(), Matrix3::identity());
         let gamma = identity + fh * 0.5;
-        LinearTransition {
-            phi: identity + fh * gamma,
-            b: gamma * a * interval.span(),
-        }
+        let b = gamma * a * interval.span();
+        let wandering = belief.wandering.as_ref();
+        LinearTransition::new(identity + fh * gamma, b, interval.length_s, wandering)
     }
 
     /// Takes what is measured at the end of `interval`.
@@ -192,7 +199,9 @@ impl<'a> ExtendedFilter<'a> {
         }
         if self.about == About::Estimate {
             self.nominal = self.best();
-            self.correction = State::zero(self.belief.estimated());
+            let State { parameters, psi } = &mut self.correction;
+            parameters[..self.belief.estimated()].fill(0.0);
+            *psi = Vector3::zeros();
             self.instruments = self.belief.layout.instruments(&self.nominal.parameters);
         }
     }
@@ -215,6 +224,9 @@ impl<'a> ExtendedFilter<'a> {
             let shown = (Matrix3::identity() + slope) * larger;
             of_psi = p_to_n * shown * p_to_n.transpose() * SEEN_OF_PSI;
             output = self.belief.mixing.output(&p_to_n);
+        }
+        if let Some(wandering) = &self.belief.wandering {
+            output = wandering.shown(&output, &p_to_n);
         }
         let z_n = c_to_n * measured.z * ARCSEC_PER_RAD;
         let excess = rotation.transform_vector(&(z_n - nominal_z));

@@ -16,14 +16,17 @@ use super::instruments::Layout;
 use super::linear::LinearFilter;
 use super::options::ToldNoise;
 use super::program::{DriftInterval, Program};
-use super::square_root::{Knowledge, ScalarGain};
+use super::square_root::{Knowledge, ScalarGain, Shape};
 use super::truth::{Measured, Misalignment};
+use super::wander::Wandering;
 
 /// What a filter believes before the test, and of the platform: each parameter in its unit, angles in
 /// arcsec, times in s.
 #[derive(Debug, Clone)]
 pub(super) struct Belief {
-    /// Of the states: the estimated parameters and ψ^n.
+    /// What the states are: the estimated parameters, what wanders, and ψ^n.
+    pub shape: Shape,
+    /// Of the states.
     pub prior_sigma: Vec<f64>,
     /// Of the considered parameters, which the filter does not know of.
     pub considered_sigma: Vec<f64>,
@@ -35,6 +38,8 @@ pub(super) struct Belief {
     pub layout: Layout,
     /// What each does to first order.
     pub mixing: Mixing<f64>,
+    /// What wanders, as far as the filter knows of it.
+    pub wandering: Option<Wandering>,
 }
 
 impl Belief {
@@ -54,8 +59,17 @@ impl Belief {
             .map(|v| AngularRate::from_rad_per_s(*v).deg_per_h());
         let of_others = estimated[COEFFICIENTS..].iter().map(|p| p.prior_sigma);
         let of_psi = psi.iter().map(|v| Angle::from_rad(*v).arcsec());
+        let wandering = Wandering::of(platform).filter(|_| told.wandering);
+        let wanders = |by: &Wandering| by.has_biases();
+        let start_sigma = wandering.as_ref().map(Wandering::start_sigma);
+        let of_wandering = start_sigma.unwrap_or_default();
         Ok(Self {
-            prior_sigma: of_twelve.chain(of_others).chain(of_psi).collect(),
+            shape: Wandering::shape(wandering.as_ref(), estimated.len()),
+            prior_sigma: of_twelve
+                .chain(of_others)
+                .chain(of_wandering)
+                .chain(of_psi)
+                .collect(),
             considered_sigma: considered.iter().map(|p| p.prior_sigma).collect(),
             drift_psd: platform.drift_psd_rad2_per_s()
                 * (ARCSEC_PER_RAD * told.random_drift_factor).powi(2),
@@ -64,40 +78,52 @@ impl Belief {
                 azimuth_noise: platform
                     .azimuth_noise_rad()
                     .map(|v| Angle::from_rad(v).arcsec() * told.azimuth_factor),
-                has_vertical: layout.has_accelerometers_of(errors, Role::Estimated),
+                has_vertical: layout.has_accelerometers_of(errors, Role::Estimated)
+                    || wandering.as_ref().is_some_and(wanders),
             },
             earth_rate_n: platform.earth_rate_n(),
             layout,
             mixing: Mixing::new(&errors.effects()),
+            wandering,
         })
     }
 
     /// How many parameters are estimated.
     pub fn estimated(&self) -> usize {
-        self.prior_sigma.len() - 3
+        self.shape.parameters
     }
 
     /// What is known before the test.
     pub fn knowledge(&self) -> Knowledge {
-        Knowledge::new(&self.prior_sigma, &self.considered_sigma)
+        Knowledge::new(&self.prior_sigma, &self.considered_sigma, self.shape)
     }
 }
 
 /// Values of the states, or corrections of them.
 #[derive(Debug, Clone)]
 pub(super) struct State {
-    /// The estimated parameters, each in its unit.
+    /// The estimated parameters, each in its unit, and behind them what wanders.
     pub parameters: Vec<f64>,
     /// Arcsec.
     pub psi: Vector3<f64>,
 }
 
 impl State {
-    /// Zero, of so many parameters.
-    pub fn zero(parameters: usize) -> Self {
+    /// Zero.
+    pub fn zero(shape: &Shape) -> Self {
         Self {
-            parameters: vec![0.0; parameters],
+            parameters: vec![0.0; shape.psi()],
             psi: Vector3::zeros(),
+        }
+    }
+
+    /// What is reported of it, without what wanders ([`Shape::reported`]).
+    fn reported(&self, shape: &Shape) -> Self {
+        let mut parameters = shape.reported(&self.numbers());
+        parameters.truncate(shape.parameters);
+        Self {
+            parameters,
+            psi: self.psi,
         }
     }
 
@@ -149,8 +175,8 @@ impl Filter<'_> {
         }
     }
 
-    /// Truth minus estimate of every state: the parameters, of which the truth comes first with those
-    /// that are estimated, and the rotation from the estimated to the true platform, in n, arcsec.
+    /// Truth minus estimate of every state: of the `parameters` and of what wanders, given in the
+    /// filter's order, and the rotation from the estimated to the true platform, in n, arcsec.
     pub fn error(&self, misalignment: &Misalignment, parameters: &[f64]) -> Vec<f64> {
         let (psi, error): (_, Vec<f64>) = match self {
             Self::Linear(f) => {
@@ -161,7 +187,8 @@ impl Filter<'_> {
                 )
             }
             Self::Extended(f) => {
-                let known = f.nominal.parameters.iter().zip(&f.correction.parameters);
+                let nominal = f.nominal.parameters.iter().chain(std::iter::repeat(&0.0));
+                let known = nominal.zip(&f.correction.parameters);
                 let known = parameters.iter().zip(known);
                 (
                     misalignment.relative_to(&f.nominal.rotation) - f.correction.psi,
@@ -174,16 +201,19 @@ impl Filter<'_> {
         error.into_iter().chain(psi.iter().copied()).collect()
     }
 
-    /// The parameters, and ψ^n as a rotation vector, as estimated.
-    pub fn estimate(&self) -> State {
+    /// The parameters, and ψ^n as a rotation vector, as estimated and reported.
+    pub fn estimate(&self, shape: &Shape) -> State {
         match self {
-            Self::Linear(f) => f.state.clone(),
+            Self::Linear(f) => f.state.reported(shape),
             Self::Extended(f) => {
-                let best = f.best();
-                State {
+                let mut best = f.best();
+                let wandering = &f.correction.parameters[shape.parameters..];
+                best.parameters.extend(wandering);
+                let best = State {
                     psi: best.rotation.scaled_axis() * ARCSEC_PER_RAD,
                     parameters: best.parameters,
-                }
+                };
+                best.reported(shape)
             }
         }
     }

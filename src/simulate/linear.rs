@@ -7,7 +7,7 @@ use crate::units::ARCSEC_PER_RAD;
 use super::channels::{Channel, SEEN_OF_PSI};
 use super::filter::{AZIMUTH, Belief, State, Taken};
 use super::program::{DriftInterval, Program};
-use super::square_root::{Knowledge, ScalarGain};
+use super::square_root::{Knowledge, ScalarGain, Shape};
 use super::truth::Measured;
 
 /// The gains of the linear filter: the same for every run of a test.
@@ -81,12 +81,12 @@ pub(super) struct LinearFilter<'a> {
 }
 
 impl<'a> LinearFilter<'a> {
-    /// A filter that starts from zero, of so many estimated parameters.
-    pub fn new(gains: &'a LinearGains, estimated: usize) -> Self {
+    /// A filter that starts from zero.
+    pub fn new(gains: &'a LinearGains, shape: &Shape) -> Self {
         Self {
             gains,
             tick: 0,
-            state: State::zero(estimated),
+            state: State::zero(shape),
         }
     }
 
@@ -99,6 +99,10 @@ impl<'a> LinearFilter<'a> {
         let step = &program.transitions[interval.transition];
         let driven = parameters.iter().zip(step.b.column_iter());
         *psi = step.phi * *psi + driven.fold(Vector3::zeros(), |sum, (d, b)| sum + b * *d);
+        if let Some(fading) = &step.fading {
+            let first = parameters.len() - fading.kept.len();
+            fading.fade(&mut parameters[first..]);
+        }
     }
 
     /// Takes what is measured at the end of `interval`.

@@ -12,7 +12,7 @@ use crate::units::Angle;
 
 use super::consistency::{Consistency, rms_ratio_bounds};
 use super::divergence::{Divergence, RunSquares};
-use super::square_root::{Knowledge, Nees, SquareRoot};
+use super::square_root::{Knowledge, Nees, Shape, SquareRoot};
 use super::{InitialTruth, Nis, Simulation, stream};
 
 /// Most runs of a Monte Carlo experiment.
@@ -145,7 +145,7 @@ impl MonteCarlo {
 
 /// What one run leaves.
 struct RunRecord {
-    /// Of the states.
+    /// Of what is reported: the estimated parameters and ψ^n.
     error: Vec<f64>,
     /// Of the considered parameters: their true values.
     considered: Vec<f64>,
@@ -175,10 +175,11 @@ impl RunRecord {
         }
     }
 
-    /// Sets the error beside what is known at the end of a leg.
-    fn compare(&mut self, knowledge: &Knowledge) {
+    /// Sets the error of all states beside what is known at the end of a leg.
+    fn compare(&mut self, error: &[f64], shape: &Shape, knowledge: &Knowledge) {
+        self.error = shape.reported(error);
         let compare = |record: &mut Self, truth: &SquareRoot| {
-            record.nees.push(truth.nees(&record.error));
+            record.nees.push(truth.nees(error));
             record.sigma = truth.sigma();
         };
         if self.considered.is_empty() {
@@ -186,7 +187,7 @@ impl RunRecord {
         }
         compare(self, &knowledge.truth());
         self.claimed_sigma = knowledge.claimed().sigma();
-        self.claimed_nees = knowledge.claimed().nees(&self.error);
+        self.claimed_nees = knowledge.claimed().nees(error);
     }
 }
 
@@ -223,7 +224,8 @@ impl Simulation {
             n * sigma
         };
         let belief = &self.belief;
-        let (known, psi) = belief.prior_sigma.split_at(belief.estimated());
+        let known = &belief.prior_sigma[..belief.estimated()];
+        let psi = &belief.prior_sigma[belief.shape.psi()..];
         let (twelve, others) = known.split_at(COEFFICIENTS);
         InitialTruth {
             drift_deg_per_h: CoefficientVector::from_fn(|i, _| normal(twelve[i])),
@@ -267,8 +269,10 @@ impl Simulation {
             if self.program.leg_ends[leg] == step.index {
                 let knowledge = step.filter.knowledge().unwrap_or(&self.gains.leg_ends[leg]);
                 let psi = &step.record.misalignment[step.index];
-                record.error = step.filter.error(psi, &step.record.parameters);
-                record.compare(knowledge);
+                let shape = &self.belief.shape;
+                let truth = step.record.states(step.index, shape);
+                let error = step.filter.error(psi, &truth);
+                record.compare(&error, shape, knowledge);
             }
         });
         record

@@ -94,15 +94,29 @@ pub struct ToldNoise {
     pub random_drift_factor: f64,
     /// Of the azimuth, where it is measured.
     pub azimuth_factor: f64,
+    /// Whether it is told of drift and biases that wander, as they do; if not it takes all noise for
+    /// white.
+    pub wandering: bool,
 }
 
 impl ToldNoise {
-    /// The same factor for all.
+    /// The same factor for all that is white.
     pub const fn both(factor: f64) -> Self {
         Self {
+            wandering: true,
             accelerometer_factor: factor,
             random_drift_factor: factor,
             azimuth_factor: factor,
+        }
+    }
+}
+
+impl ToldNoise {
+    /// The truth, but for what wanders: of that nothing.
+    pub const fn only_white() -> Self {
+        Self {
+            wandering: false,
+            ..Self::both(1.0)
         }
     }
 }

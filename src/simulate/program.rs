@@ -13,6 +13,8 @@ use crate::error::{Error, Result};
 use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
 
+use super::wander::{Fading, Wandering};
+
 /// Most intervals of a simulated test: each is kept in memory, with the filter's gains.
 pub const MAX_INTERVALS: f64 = 500_000.0;
 
@@ -91,12 +93,29 @@ impl DriftInterval {
     }
 }
 
-/// Φ and B of the linear model over an interval: ψ^n ← Φ ψ^n + B D.
+/// Φ and B of the linear model over an interval: ψ^n ← Φ ψ^n + B D, D the estimated parameters, what
+/// wanders, and the considered parameters.
 #[derive(Debug, Clone)]
 pub(super) struct LinearTransition {
     pub phi: Matrix3<f64>,
     /// In arcsec per unit of each parameter.
     pub b: Drive,
+    /// What becomes of what wanders; none: nothing wanders, or no time passes.
+    pub fading: Option<Fading>,
+}
+
+impl LinearTransition {
+    /// Over an interval of that length, with B of the parameters.
+    pub fn new(phi: Matrix3<f64>, b: Drive, length_s: f64, wandering: Option<&Wandering>) -> Self {
+        match wandering {
+            Some(wandering) => wandering.transition(phi, &b, length_s),
+            None => Self {
+                phi,
+                b,
+                fading: None,
+            },
+        }
+    }
 }
 
 /// All intervals of a test in order.
@@ -115,12 +134,17 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Cuts `timeline` into intervals no longer than a filter period.
+    /// Cuts `timeline` into intervals no longer than a filter period, for a filter that knows of
+    /// `wandering`.
     ///
     /// # Errors
     ///
     /// [`Error::is_input`] when there are more than [`MAX_INTERVALS`].
-    pub fn new(platform: &Platform, timeline: &Timeline) -> Result<Self> {
+    pub fn new(
+        platform: &Platform,
+        timeline: &Timeline,
+        wandering: Option<&Wandering>,
+    ) -> Result<Self> {
         let period = platform.period_s();
         let count = timeline.total_time_s() / period.min(LONGEST_S);
         if count > MAX_INTERVALS {
@@ -136,6 +160,7 @@ impl Program {
             dynamics: ErrorDynamics::new(platform.earth_rate_n()),
             period_s: period,
             effects: LinearEffects::new(platform, &model),
+            wandering,
             program: Self {
                 intervals: Vec::new(),
                 transitions: Vec::new(),
@@ -249,6 +274,7 @@ struct ProgramBuilder<'a> {
     dynamics: ErrorDynamics,
     period_s: f64,
     effects: LinearEffects<'a>,
+    wandering: Option<&'a Wandering>,
     program: Program,
     time_s: f64,
     leg: usize,
@@ -375,7 +401,8 @@ impl ProgramBuilder<'_> {
 
     fn transition(&mut self, length_s: f64, b: Drive) -> usize {
         let phi = self.dynamics.transition(length_s);
-        self.program.transitions.push(LinearTransition { phi, b });
+        let transition = LinearTransition::new(phi, b, length_s, self.wandering);
+        self.program.transitions.push(transition);
         self.program.transitions.len() - 1
     }
 
@@ -403,9 +430,14 @@ impl ProgramBuilder<'_> {
         let last = self.program.intervals.last();
         let same = last.is_some_and(|i| i.end_attitude() == here);
         let outputs = &mut self.program.outputs;
-        let is_known = same || !self.effects.has_accelerometers;
-        if outputs.is_empty() || !is_known {
-            outputs.push(self.effects.mixing.output(here.matrix()));
+        let shows = |w: &Wandering| w.has_biases();
+        let varies = self.effects.has_accelerometers || self.wandering.is_some_and(shows);
+        if outputs.is_empty() || (varies && !same) {
+            let output = self.effects.mixing.output(here.matrix());
+            outputs.push(match self.wandering {
+                Some(wandering) => wandering.shown(&output, here.matrix()),
+                None => output,
+            });
         }
         outputs.len() - 1
     }
@@ -440,7 +472,7 @@ mod tests {
         });
         let schedule = Schedule::new(positions.collect()).unwrap();
         let timeline = Timeline::new(&platform.clone().into(), &schedule).unwrap();
-        Program::new(&platform, &timeline).unwrap()
+        Program::new(&platform, &timeline, None).unwrap()
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! The square root of the filter's covariance: P = Uᵀ U with U upper triangular, states in the
-//! order (D, ψ^n), D all estimated parameters.
+//! order (D, d, b, ψ^n), D all estimated parameters, d and b what wanders of drift and biases, if
+//! anything does ([`super::wander`]).
 //!
-//! With the constants D first, a time update touches the last three columns only, and its
-//! retriangularisation is one of 6 × 3; a scalar measurement is one sweep of Givens rotations.
+//! With the constants D first, a time update touches the columns behind them only. Where nothing
+//! wanders these are three, and the retriangularisation is one of 6 × 3; a scalar measurement is one
+//! sweep of Givens rotations.
 //! Nothing is subtracted, so P is positive semi-definite whatever the rounding does; a
 //! parameter with prior σ = 0 keeps an exact zero row.
 //!
@@ -13,12 +15,13 @@
 //! an interval, S ← S − K (h S + h_c σ_c) with a measurement. The true covariance of the filter's
 //! error is P + Σ_c S Sᵀ ([`Knowledge::truth`]).
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 
 use crate::drift::COEFFICIENTS;
 
 use super::channels::Channel;
 use super::program::{Drive, LinearTransition};
+use super::wander::Fading;
 
 /// The gain of one scalar measurement, the 1σ of its innovation as the filter has it, and what 1σ of
 /// each considered parameter adds to that.
@@ -41,9 +44,45 @@ pub(super) struct Nees {
     pub state_dof: usize,
 }
 
+/// What the states are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    /// The estimated parameters.
+    pub parameters: usize,
+    /// Components of what wanders.
+    pub wandering: usize,
+    /// Whether the first three of these are the random walk of the drift.
+    pub has_walk: bool,
+}
+
+impl Shape {
+    /// All of them.
+    pub fn states(&self) -> usize {
+        self.psi() + 3
+    }
+
+    /// Where ψ^n starts.
+    pub fn psi(&self) -> usize {
+        self.parameters + self.wandering
+    }
+
+    /// Of numbers of all states those that are reported, (D, ψ^n): D_F is the drift of the moment, its
+    /// constant part and what the random walk has come to.
+    pub fn reported(&self, all: &[f64]) -> Vec<f64> {
+        let mut reported = all[..self.parameters].to_vec();
+        if self.has_walk {
+            let walked = &all[self.parameters..self.parameters + 3];
+            reported.iter_mut().zip(walked).for_each(|(d, w)| *d += w);
+        }
+        reported.extend(&all[self.psi()..]);
+        reported
+    }
+}
+
 /// U of P = Uᵀ U.
 #[derive(Debug, Clone)]
 pub(super) struct SquareRoot {
+    shape: Shape,
     states: usize,
     /// Row by row.
     u: Vec<f64>,
@@ -51,18 +90,18 @@ pub(super) struct SquareRoot {
 
 impl SquareRoot {
     /// A diagonal covariance of these 1σ.
-    pub fn diagonal(sigma: &[f64]) -> Self {
-        let states = sigma.len();
+    pub fn diagonal(sigma: &[f64], shape: Shape) -> Self {
+        let states = shape.states();
         let mut u = vec![0.0; states * states];
         for (i, s) in sigma.iter().enumerate() {
             u[i * states + i] = *s;
         }
-        Self { states, u }
+        Self { shape, states, u }
     }
 
-    /// Index of ψ^n's first component, and the number of estimated parameters.
+    /// Index of ψ^n's first component.
     fn psi(&self) -> usize {
-        self.states - 3
+        self.shape.psi()
     }
 
     fn row(&self, k: usize) -> &[f64] {
@@ -93,6 +132,65 @@ impl SquareRoot {
             for j in 0..3 {
                 self.row_mut(psi + k)[psi + j] = r[(k, j)];
             }
+        }
+    }
+
+    /// The same where what wanders goes on: it fades, and noise comes to it and with it to ψ.
+    fn predict_wandering(
+        &mut self,
+        LinearTransition { phi, b, .. }: &LinearTransition,
+        fading: &Fading,
+        variance: f64,
+    ) {
+        let (first, psi) = (self.shape.parameters, self.psi());
+        for k in 0..self.states {
+            let row = self.row_mut(k);
+            let moved = driven(phi, Some(b), row, k.min(psi)..psi);
+            fading.fade(&mut row[first..psi]);
+            row[psi..].copy_from_slice(moved.as_slice());
+        }
+        let (block, noises) = (self.states - first, fading.noise.nrows());
+        let mut stacked = DMatrix::zeros(block + noises + 3, block);
+        for k in 0..block {
+            let row = &self.row(first + k)[first..];
+            stacked.row_mut(k).copy_from_slice(row);
+        }
+        stacked
+            .view_mut((block, 0), (noises, block))
+            .copy_from(&fading.noise);
+        for k in 0..3 {
+            stacked[(block + noises + k, block - 3 + k)] = variance.sqrt();
+        }
+        let r = stacked.qr().r();
+        for k in 0..block {
+            for j in 0..block {
+                self.row_mut(first + k)[first + j] = r[(k, j)];
+            }
+        }
+    }
+
+    /// The covariance of (D, ψ^n), D_F with what has walked or without.
+    fn without_wandering(&self, with_walk: bool) -> Self {
+        if self.shape.wandering == 0 {
+            return self.clone();
+        }
+        let shape = Shape {
+            has_walk: self.shape.has_walk && with_walk,
+            ..self.shape
+        };
+        let own = Shape {
+            wandering: 0,
+            has_walk: false,
+            ..shape
+        };
+        let rows = (0..self.states).flat_map(|k| shape.reported(self.row(k)));
+        let r = DMatrix::from_row_iterator(self.states, own.states(), rows)
+            .qr()
+            .r();
+        Self {
+            shape: own,
+            states: own.states(),
+            u: r.transpose().as_slice().to_vec(),
         }
     }
 
@@ -140,13 +238,14 @@ impl SquareRoot {
         }
     }
 
-    /// 1σ of every state.
+    /// 1σ of what is reported: the parameters and ψ^n ([`Shape::reported`]).
     pub fn sigma(&self) -> Vec<f64> {
-        let sigma = |j: usize| {
-            let sum: f64 = (0..=j).map(|k| self.row(k)[j].powi(2)).sum();
-            sum.sqrt()
-        };
-        (0..self.states).map(sigma).collect()
+        let mut variances = vec![0.0; self.shape.parameters + 3];
+        for k in 0..self.states {
+            let row = self.shape.reported(self.row(k));
+            variances.iter_mut().zip(row).for_each(|(v, u)| *v += u * u);
+        }
+        variances.into_iter().map(f64::sqrt).collect()
     }
 
     /// Covariance of ψ^n.
@@ -159,8 +258,33 @@ impl SquareRoot {
         })
     }
 
-    /// The normalised estimation error squared of `error`.
+    /// The normalised estimation error squared of the `error` of all states. What wanders counts among
+    /// the states; the coefficients are those that are reported.
     pub fn nees(&self, error: &[f64]) -> Nees {
+        let all = self.squares(error);
+        match self.shape.wandering {
+            0 => all,
+            _ => Nees {
+                states: all.states,
+                state_dof: all.state_dof,
+                ..self
+                    .without_wandering(true)
+                    .squares(&self.shape.reported(error))
+            },
+        }
+    }
+
+    /// The same of (D, ψ^n) alone, D_F without what has walked: `states` is of these.
+    pub fn nees_without_wandering(&self, error: &[f64]) -> Nees {
+        let shape = Shape {
+            has_walk: false,
+            ..self.shape
+        };
+        let reported = shape.reported(error);
+        self.without_wandering(false).squares(&reported)
+    }
+
+    fn squares(&self, error: &[f64]) -> Nees {
         let mut nees = Nees::default();
         // Uᵀ y = e by forward substitution; the first rows are those of D alone.
         let mut y = vec![0.0; self.states];
@@ -174,7 +298,7 @@ impl SquareRoot {
             let square = y[k] * y[k];
             nees.states += square;
             nees.state_dof += 1;
-            if k < self.psi() {
+            if k < self.shape.parameters {
                 nees.parameters += square;
                 nees.parameter_dof += 1;
             }
@@ -216,9 +340,9 @@ pub(super) struct Knowledge {
 
 impl Knowledge {
     /// As before the test.
-    pub fn new(prior_sigma: &[f64], considered_sigma: &[f64]) -> Self {
+    pub fn new(prior_sigma: &[f64], considered_sigma: &[f64], shape: Shape) -> Self {
         Self {
-            root: SquareRoot::diagonal(prior_sigma),
+            root: SquareRoot::diagonal(prior_sigma, shape),
             considered_sigma: considered_sigma.to_vec(),
             by_considered: vec![vec![0.0; prior_sigma.len()]; considered_sigma.len()],
         }
@@ -238,12 +362,18 @@ impl Knowledge {
 
     /// ψ ← Φ ψ + B D + noise of `variance` per axis; B has columns of all parameters.
     pub fn predict(&mut self, step: &LinearTransition, variance: f64) {
-        let LinearTransition { phi, b } = step;
-        self.root.predict(phi, Some(b), variance);
-        let psi = self.root.psi();
+        let LinearTransition { phi, b, fading } = step;
+        match fading {
+            Some(fading) => self.root.predict_wandering(step, fading, variance),
+            None => self.root.predict(phi, Some(b), variance),
+        }
+        let (first, psi) = (self.root.shape.parameters, self.root.psi());
         let considered = self.by_considered.iter_mut().zip(&self.considered_sigma);
         for (c, (error, sigma)) in considered.enumerate() {
             let moved = driven(phi, Some(b), error, 0..psi) + b.column(psi + c) * *sigma;
+            if let Some(fading) = fading {
+                fading.fade(&mut error[first..psi]);
+            }
             error[psi..].copy_from_slice(moved.as_slice());
         }
     }
@@ -289,6 +419,11 @@ mod tests {
     /// Estimated parameters.
     const KNOWN: usize = 14;
     const STATES: usize = KNOWN + 3;
+    const SHAPE: Shape = Shape {
+        parameters: KNOWN,
+        wandering: 0,
+        has_walk: false,
+    };
 
     fn dense(root: &SquareRoot) -> DMatrix<f64> {
         let u = DMatrix::from_fn(STATES, STATES, |i, j| root.row(i)[j]);
@@ -299,6 +434,7 @@ mod tests {
         LinearTransition {
             phi: Matrix3::new(0.9, 0.1, -0.2, 0.05, 1.0, 0.3, 0.1, -0.3, 0.95),
             b: Drive::from_fn(columns, |i, j| ((2 * i + 7 * j) as f64).sin()),
+            fading: None,
         }
     }
 
@@ -320,7 +456,7 @@ mod tests {
     fn agrees_with_the_textbook_filter_and_its_error() {
         let sigma: Vec<f64> = (0..STATES).map(|i| 1.0 + 0.3 * i as f64).collect();
         let considered = [0.8, 1.7];
-        let mut knowledge = Knowledge::new(&sigma, &considered);
+        let mut knowledge = Knowledge::new(&sigma, &considered, SHAPE);
         // Of (states, considered).
         let all: Vec<f64> = sigma.iter().chain(&considered).map(|s| s * s).collect();
         let mut truth = DMatrix::from_diagonal(&DVector::from(all));
@@ -392,7 +528,7 @@ mod tests {
     fn what_is_known_exactly_stays_known() {
         let mut sigma = [2.0; STATES];
         sigma[3] = 0.0;
-        let mut knowledge = Knowledge::new(&sigma, &[1.0, 0.0]);
+        let mut knowledge = Knowledge::new(&sigma, &[1.0, 0.0], SHAPE);
         for _ in 0..5 {
             knowledge.predict(&step(KNOWN + 2), 0.1);
             knowledge.update(&channel(0));

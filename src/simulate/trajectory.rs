@@ -29,6 +29,8 @@ pub struct Sample {
     pub misalignment_n_error_arcsec: Vector3<f64>,
     /// The covariance of η, arcsec².
     pub misalignment_n_covariance_arcsec2: Matrix3<f64>,
+    /// True D, °/h: D_F is the drift of the moment, with what a random walk has come to.
+    pub drift_deg_per_h: CoefficientVector,
     /// Estimated D, °/h.
     pub drift_estimate_deg_per_h: CoefficientVector,
     /// 1σ of D, °/h.
@@ -54,7 +56,7 @@ impl Sample {
 /// One run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
-    /// True D, °/h.
+    /// True D at the start, °/h.
     pub drift_deg_per_h: CoefficientVector,
     /// The other parameters that are estimated, with their true values.
     pub others: Vec<(Parameter, f64)>,
@@ -92,11 +94,16 @@ impl Simulation {
             }
             let root = step.filter.knowledge().unwrap_or(&by_gains).truth();
             let truth = &step.record.misalignment[step.index];
-            let estimate = step.filter.estimate();
+            let shape = &self.belief.shape;
+            let estimate = step.filter.estimate(shape);
             let (d, others) = estimate.parameters.split_at(COEFFICIENTS);
             let sigma = root.sigma();
-            let error = step.filter.error(truth, &step.record.parameters);
-            let psi = parameters.len();
+            let true_states = step.record.states(step.index, shape);
+            let error = step.filter.error(truth, &true_states);
+            let mut walked = true_states.clone();
+            walked.resize(shape.states(), 0.0);
+            let true_parameters = shape.reported(&walked);
+            let psi = shape.psi();
             trajectory.samples.push(Sample {
                 time_s: interval.end_s,
                 leg: interval.leg,
@@ -105,6 +112,7 @@ impl Simulation {
                 misalignment_n_estimate_arcsec: estimate.psi,
                 misalignment_n_error_arcsec: Vector3::from_fn(|i, _| error[psi + i]),
                 misalignment_n_covariance_arcsec2: root.misalignment_covariance(),
+                drift_deg_per_h: CoefficientVector::from_fn(|i, _| true_parameters[i]),
                 drift_estimate_deg_per_h: CoefficientVector::from_fn(|i, _| d[i]),
                 drift_sigma_deg_per_h: CoefficientVector::from_fn(|i, _| sigma[i]),
                 others: others
@@ -156,7 +164,7 @@ impl Trajectory {
                 let _ = write!(csv, ",{truth:.4},{estimate:.4},{error:.4},{:.4}", sigma[i]);
             }
             for i in 0..COEFFICIENTS {
-                let truth = self.drift_deg_per_h[i];
+                let truth = s.drift_deg_per_h[i];
                 let estimate = s.drift_estimate_deg_per_h[i];
                 let sigma = s.drift_sigma_deg_per_h[i];
                 let error = estimate - truth;

@@ -6,11 +6,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::attitude::{Attitude, EAST, GRAVITY_N, NORTH, UP};
-use crate::units::Angle;
+use crate::units::{ARCSEC_PER_RAD, Angle};
 
 use super::instruments::Instruments;
 use super::options::TruthModel;
 use super::program::{DriftInterval, Program};
+use super::square_root::Shape;
+use super::wander::{TrueWandering, Wandering};
 
 /// Which way time runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +51,8 @@ pub(super) struct Disturbance<'a> {
     pub instruments: &'a Instruments,
     /// Random drift held over the interval, in n, rad/s.
     pub random_n: Vector3<f64>,
+    /// What wanders of the drift, its mean in the interval along the axes of the platform, rad/s.
+    pub wandering: Vector3<f64>,
 }
 
 /// A moment of an interval.
@@ -73,7 +77,8 @@ impl Disturbance<'_> {
         gravity: &Vector3<f64>,
     ) -> Vector3<f64> {
         let pace = now.interval.pace();
-        let mut drift = self.instruments.drift(&p_to_n.tr_mul(gravity)) * pace;
+        let drift = self.instruments.drift(&p_to_n.tr_mul(gravity)) + self.wandering;
+        let mut drift = drift * pace;
         if let Some(torquers) = self.instruments.torquers() {
             // What is commanded is meant for the computed axes and executed about the true ones.
             drift += torquers * now.interval.commanded(now.half_step, self.earth_rate_n);
@@ -256,13 +261,15 @@ impl Misalignment {
 
 /// The noises of the truth.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TrueNoise {
+pub(super) struct TrueNoise<'a> {
     /// PSD of the random drift, rad²/s.
     pub drift_psd: f64,
     /// 1σ of an accelerometer, g.
     pub accelerometer_g: f64,
     /// 1σ of the azimuth, rad; none: it is not measured.
     pub azimuth_rad: Option<f64>,
+    /// What wanders; none: nothing does.
+    pub wandering: Option<&'a Wandering>,
 }
 
 /// What is measured at the end of an interval.
@@ -292,10 +299,15 @@ pub(super) struct TruthRecord {
     pub misalignment: Vec<Misalignment>,
     /// Zero where nothing was measured.
     pub measured: Vec<Measured>,
+    /// What wanders, at the end of every interval in turn, in the order of the states; empty: nothing
+    /// does.
+    wandered: Vec<f64>,
+    /// Whether a random walk of the drift is the first of it.
+    has_walk: bool,
 }
 
 /// Three independent standard normal numbers.
-fn normal3(random: &mut ChaCha8Rng) -> Vector3<f64> {
+pub(super) fn normal3(random: &mut ChaCha8Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| StandardNormal.sample(random))
 }
 
@@ -306,7 +318,7 @@ impl TruthRecord {
         earth_rate_n: &Vector3<f64>,
         model: TruthModel,
         start: Start<'_>,
-        noise: TrueNoise,
+        noise: TrueNoise<'_>,
         random: &mut ChaCha8Rng,
     ) -> Self {
         let mut now = Misalignment::new(model, start.misalignment_n_arcsec);
@@ -314,26 +326,64 @@ impl TruthRecord {
             parameters: start.parameters,
             misalignment: Vec::with_capacity(program.intervals.len()),
             measured: Vec::with_capacity(program.intervals.len()),
+            wandered: Vec::new(),
+            has_walk: noise.wandering.is_some_and(Wandering::has_walk),
         };
+        let mut wandering = noise.wandering.map(|w| TrueWandering::new(w, random));
         for interval in &program.intervals {
             let mut random_n = Vector3::zeros();
             if noise.drift_psd > 0.0 && interval.length_s > 0.0 {
                 // The average over an interval of white noise of PSD q has variance q / length.
                 random_n = normal3(random) * (noise.drift_psd / interval.length_s).sqrt();
             }
-            let disturbance = Disturbance {
+            let mut disturbance = Disturbance {
                 earth_rate_n,
                 instruments: start.instruments,
                 random_n,
+                wandering: Vector3::zeros(),
             };
+            let mut biases = Vector3::zeros();
+            if let Some(wandering) = &mut wandering {
+                disturbance.wandering =
+                    wandering.advance(interval.length_s, random) / ARCSEC_PER_RAD;
+                biases = wandering.biases() / ARCSEC_PER_RAD;
+                record.wandered.extend(wandering.states());
+            }
             now = now.advanced(&disturbance, interval);
             record.misalignment.push(now);
             record.measured.push(match interval.measured {
-                true => now.measured(interval, start.instruments, noise, random),
+                true => now
+                    .measured(interval, start.instruments, noise, random)
+                    .plus(&biases),
                 false => Measured::default(),
             });
         }
         record
+    }
+
+    /// The true values of the states but ψ^n of a filter of that `shape` at the end of interval `index`: a
+    /// filter that takes drift that walks for constant is compared with the drift of the moment.
+    pub fn states(&self, index: usize, shape: &Shape) -> Vec<f64> {
+        let each = self.wandered.len() / self.misalignment.len().max(1);
+        let wandered = &self.wandered[index * each..(index + 1) * each];
+        let mut states = self.parameters[..shape.parameters].to_vec();
+        if shape.wandering > 0 {
+            states.extend(wandered);
+            // Of a truth without noise nothing wanders.
+            states.resize(shape.psi(), 0.0);
+        } else if self.has_walk {
+            let d_f = states.iter_mut().zip(wandered).take(3);
+            d_f.for_each(|(d, walked)| *d += walked);
+        }
+        states
+    }
+}
+
+impl Measured {
+    /// With what biases add, g.
+    fn plus(mut self, biases: &Vector3<f64>) -> Self {
+        self.z += biases;
+        self
     }
 }
 
@@ -343,7 +393,7 @@ impl Misalignment {
         &self,
         interval: &DriftInterval,
         instruments: &Instruments,
-        noise: TrueNoise,
+        noise: TrueNoise<'_>,
         random: &mut ChaCha8Rng,
     ) -> Measured {
         let mut measured = Measured {

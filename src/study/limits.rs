@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::evaluate::Evaluator;
 use crate::model::Role;
 use crate::motion::Timeline;
-use crate::platform::{GimbalsConfig, Repositioning};
+use crate::platform::{GimbalsConfig, PlatformConfig, Repositioning};
 use crate::results::{Change, LimitRecord};
 use crate::schedule::{Schedule, ScheduledPosition};
 use crate::search::polished;
@@ -35,14 +35,17 @@ fn trials(config: &StudyConfig) -> Vec<Trial> {
         all.push((what.to_owned(), change, changed));
     };
     let platform = &config.platform;
-    let noise = platform.accelerometer.noise_g;
-    push(
-        "accelerometer.noise_g",
-        Change::Halved(noise, 0.5 * noise),
-        &|c| {
-            c.platform.accelerometer.noise_g *= 0.5;
-        },
-    );
+    if let Some(density) = platform.accelerometer.noise_density_ug_per_sqrt_hz {
+        let change = Change::Halved(density, 0.5 * density);
+        push("accelerometer.noise_density_ug_per_sqrt_hz", change, &|c| {
+            c.platform.accelerometer.noise_density_ug_per_sqrt_hz = Some(0.5 * density);
+        });
+    } else if let Some(noise) = platform.accelerometer.noise_g {
+        let change = Change::Halved(noise, 0.5 * noise);
+        push("accelerometer.noise_g", change, &|c| {
+            c.platform.accelerometer.noise_g = Some(0.5 * noise);
+        });
+    }
     if let Some(walk) = platform.gyro.angle_random_walk_deg_per_sqrt_h {
         let change = Change::Halved(walk, 0.5 * walk);
         push("gyro.angle_random_walk_deg_per_sqrt_h", change, &|c| {
@@ -53,6 +56,13 @@ fn trials(config: &StudyConfig) -> Vec<Trial> {
         push("gyro.random_drift_deg_per_h", change, &|c| {
             c.platform.gyro.random_drift_deg_per_h = Some(0.5 * drift);
         });
+    }
+    for (key, value, of) in wandering() {
+        if let Some(size) = value(platform).filter(|size| *size > 0.0) {
+            push(key, Change::Halved(size, 0.5 * size), &|c| {
+                *of(&mut c.platform) = Some(0.5 * size);
+            });
+        }
     }
     if platform.motion.repositioning == Repositioning::Slew
         && let Some(rate) = platform.motion.slew_rate_deg_per_s
@@ -85,6 +95,39 @@ fn trials(config: &StudyConfig) -> Vec<Trial> {
         );
     }
     all
+}
+
+/// A key of what wanders, its value and where that is.
+type Wandering = (
+    &'static str,
+    fn(&PlatformConfig) -> Option<f64>,
+    fn(&mut PlatformConfig) -> &mut Option<f64>,
+);
+
+/// How much drift and biases wander.
+fn wandering() -> [Wandering; 4] {
+    [
+        (
+            "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
+            |p| p.gyro.rate_random_walk_deg_per_h_per_sqrt_h,
+            |p| &mut p.gyro.rate_random_walk_deg_per_h_per_sqrt_h,
+        ),
+        (
+            "gyro.bias_instability_deg_per_h",
+            |p| p.gyro.bias_instability_deg_per_h,
+            |p| &mut p.gyro.bias_instability_deg_per_h,
+        ),
+        (
+            "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
+            |p| p.accelerometer.acceleration_random_walk_ug_per_sqrt_h,
+            |p| &mut p.accelerometer.acceleration_random_walk_ug_per_sqrt_h,
+        ),
+        (
+            "accelerometer.bias_instability_ug",
+            |p| p.accelerometer.bias_instability_ug,
+            |p| &mut p.accelerometer.bias_instability_ug,
+        ),
+    ]
 }
 
 /// A range made wider.
@@ -242,8 +285,9 @@ impl Study {
 
 /// The criterion, continuous in the dwells.
 fn criterion(evaluator: &Evaluator, timeline: &Timeline) -> Result<f64> {
+    let model = evaluator.model();
     let criterion = &evaluator.objective().criterion;
-    let log = evaluator.model().value(timeline, TickRule::Relaxed, |p| {
+    let log = model.value(timeline, TickRule::Relaxed, |p| {
         criterion.log(p, Smoothing::Exact)
     })?;
     Ok(libm::exp(log))
@@ -275,6 +319,39 @@ mod tests {
     const STAND: &str = "[gimbals]\nbeta_deg = [-30, 30]\n[motion]\nslew_rate_deg_per_s = 1\n\
                          settle_s = 60\n[search]\nstarts = 6\nmax_positions = 8\n";
 
+    /// By the exact chain, each key of it halved.
+    #[test]
+    fn what_wanders_is_a_limit_too() {
+        let toml = "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 0.003\n\
+                    bias_instability_deg_per_h = 0.002\nbias_correlation_time_s = 600\n\
+                    [accelerometer]\nacceleration_random_walk_ug_per_sqrt_h = 5\n\
+                    bias_instability_ug = 4\nbias_correlation_time_s = 900\n[objective]\n\
+                    total_time_s = 6000\n";
+        let study = Study::from_toml(toml).unwrap();
+        let schedule = study
+            .standard(crate::StandardScheme::Icosahedron12)
+            .unwrap();
+        let of = |study: &Study| study.evaluate(&schedule).unwrap().document().clone();
+        let found = of(&study);
+        let mut least = 1.0_f64;
+        for (key, _, place) in wandering() {
+            let limit = found.limits.iter().find(|l| l.what == key);
+            let ratio = limit.unwrap_or_else(|| panic!("{key}")).criterion_ratio;
+            let mut config = study.config().clone();
+            let size = place(&mut config.platform);
+            *size = size.map(|v| 0.5 * v);
+            let halved = of(&Study::from_config(config).unwrap());
+            let expected = halved.score.criterion / found.score.criterion;
+            assert!(
+                (ratio / expected - 1.0).abs() < 1e-6,
+                "{key}: {ratio} {expected}"
+            );
+            assert!(ratio <= 1.0 + 1e-9, "{key}: {ratio}");
+            least = least.min(ratio);
+        }
+        assert!(least < 0.9, "{least}");
+    }
+
     #[test]
     fn each_limit_is_the_criterion_with_one_thing_better() {
         let study = Study::from_toml(STAND).unwrap();
@@ -297,7 +374,7 @@ mod tests {
         let quieter = StudyConfig {
             platform: {
                 let mut platform = study.config().platform.clone();
-                platform.accelerometer.noise_g *= 0.5;
+                platform.accelerometer.noise_g = Some(0.5e-5);
                 platform
             },
             ..study.config().clone()

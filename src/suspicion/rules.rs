@@ -21,6 +21,10 @@
 //! | random drift | as random walk ten times above commercial grade | no gyro of a platform is |
 //! | accelerometer noise | averages in an hour to a thousandth of the best bias | no accelerometer does |
 //! | accelerometer noise | averages in an hour to more than 100 µg | no accelerometer of a platform does |
+//! | rate random walk, bias instability of gyros | below 1e-6 or above 1000 °/h(/√h) | a tenth of the best and ten times the worst gyro |
+//! | acceleration random walk, bias instability of accelerometers | below 0.001 or above 10 000 µg(/√h) | likewise |
+//! | noise density of accelerometers | below 0.01 or above 10 000 µg/√Hz | likewise |
+//! | correlation time | below 10 s or above 1e6 s | hours, and milliseconds |
 //! | specification | below 1e-6 °/h | a hundredth of a strategic-grade drift; 0.005 °/h are 2.4e-8 rad/s |
 //! | total time | less than 30 filter periods | 15 unknowns take more; 200 minutes are 12 000 s |
 //! | total time | above 14 days | milliseconds |
@@ -29,7 +33,7 @@
 
 use super::warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning};
 use crate::config::StudyConfig;
-use crate::platform::{AccelerometerConfig, AxisValue, FilterConfig, GSensitivePrior};
+use crate::platform::{AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 
 /// Largest angle that radians are taken for, a turn and its rounding.
@@ -71,6 +75,7 @@ pub(super) fn study(config: &StudyConfig, defaulted: &[String]) -> Vec<Warning> 
     found.motion(config);
     found.priors(config);
     found.noises(config);
+    found.0.extend(super::wandering::study(config));
     found.times(config);
     found.specification(config);
     found.period_alone(config, defaulted);
@@ -234,14 +239,15 @@ impl Warnings {
     fn noises(&mut self, config: &StudyConfig) {
         let platform = &config.platform;
         let hours = platform.filter.period_s / 3600.0;
-        let noise_g = platform.accelerometer.noise_g;
-        self.noise(
-            "accelerometer.noise_g",
-            noise_g,
-            (NoiseSource::Accelerometer, noise_g * hours.sqrt()),
-            [STRATEGIC_BIAS_G, NAVIGATION_BIAS_G],
-            None,
-        );
+        if let Some(noise_g) = platform.accelerometer.noise_g {
+            self.noise(
+                "accelerometer.noise_g",
+                noise_g,
+                (NoiseSource::Accelerometer, noise_g * hours.sqrt()),
+                [STRATEGIC_BIAS_G, NAVIGATION_BIAS_G],
+                None,
+            );
+        }
         if let Some(drift) = platform.gyro.random_drift_deg_per_h {
             self.noise(
                 "gyro.random_drift_deg_per_h",
@@ -362,7 +368,7 @@ impl Warnings {
             same_instrument: per_period * (usual / period).sqrt(),
         };
         let accelerometer = is_default("accelerometer.noise_g")
-            .then(|| rescaled(AccelerometerConfig::default().noise_g, 1.0));
+            .then(|| rescaled(crate::platform::DEFAULT_NOISE_G, 1.0));
         let gyro = is_default("gyro.random_drift_deg_per_h")
             .then(|| rescaled(crate::platform::DEFAULT_RANDOM_DRIFT_DEG_PER_H, 3600.0));
         if accelerometer.is_some() || gyro.is_some() {

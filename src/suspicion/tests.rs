@@ -166,6 +166,66 @@ fn each_doubtful_value_is_named_and_a_near_one_is_not() {
             "[accelerometer]\nnoise_g = 1e-3",
         ),
         (
+            "[accelerometer]\nnoise_density_ug_per_sqrt_hz = 20000",
+            "accelerometer.noise_density_ug_per_sqrt_hz",
+            "20.00 times the worst accelerometer",
+            "[accelerometer]\nnoise_density_ug_per_sqrt_hz = 5000",
+        ),
+        (
+            "[accelerometer]\nnoise_density_ug_per_sqrt_hz = 0.003",
+            "accelerometer.noise_density_ug_per_sqrt_hz",
+            "In m/s^2/sqrt(Hz)? 0.003 would then be 305.9 micro-g/sqrt(Hz)",
+            "[accelerometer]\nnoise_density_ug_per_sqrt_hz = 0.03",
+        ),
+        (
+            "[accelerometer]\nacceleration_random_walk_ug_per_sqrt_h = 1e-6",
+            "accelerometer.acceleration_random_walk_ug_per_sqrt_h",
+            "In g/sqrt(h)? 0.000001 would then be 1.000 micro-g/sqrt(h)",
+            "[accelerometer]\nacceleration_random_walk_ug_per_sqrt_h = 0.01",
+        ),
+        (
+            "[accelerometer]\nbias_instability_ug = 3e-5\nbias_correlation_time_s = 1800",
+            "accelerometer.bias_instability_ug",
+            "In g? 0.00003 would then be 30.00 micro-g",
+            "[accelerometer]\nbias_instability_ug = 0\nbias_correlation_time_s = 1800",
+        ),
+        (
+            "[accelerometer]\nbias_instability_ug = 3\nbias_correlation_time_s = 2e6",
+            "accelerometer.bias_correlation_time_s",
+            "2000000 ms is 2000 s",
+            "[accelerometer]\nbias_instability_ug = 3\nbias_correlation_time_s = 2e5",
+        ),
+        (
+            "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 2.4e-10",
+            "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
+            "In rad/s/sqrt(s)? 0.00000000024 would then be 0.002970 deg/h/sqrt(h)",
+            "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 1e-5",
+        ),
+        (
+            "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 1.4e-8",
+            "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
+            "In deg/s/sqrt(s)? 0.000000014 would then be 0.003024 deg/h/sqrt(h)",
+            "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 500",
+        ),
+        (
+            "[gyro]\nbias_instability_deg_per_h = 1.5e-8\nbias_correlation_time_s = 600",
+            "gyro.bias_instability_deg_per_h",
+            "In rad/s? 0.000000015 would then be 0.003094 deg/h",
+            "[gyro]\nbias_instability_deg_per_h = 1e-4\nbias_correlation_time_s = 600",
+        ),
+        (
+            "[gyro]\nbias_instability_deg_per_h = 5000\nbias_correlation_time_s = 600",
+            "gyro.bias_instability_deg_per_h",
+            "50.00 times the worst gyro (100 deg/h)",
+            "[gyro]\nbias_instability_deg_per_h = 50\nbias_correlation_time_s = 600",
+        ),
+        (
+            "[gyro]\nbias_instability_deg_per_h = 0.01\nbias_correlation_time_s = 1",
+            "gyro.bias_correlation_time_s",
+            "1 h is 3600 s",
+            "[gyro]\nbias_instability_deg_per_h = 0.01\nbias_correlation_time_s = 60",
+        ),
+        (
             "[objective]\ntotal_time_s = 200",
             "objective.total_time_s",
             "200 min is 12000 s",
@@ -218,6 +278,13 @@ fn each_doubtful_value_is_named_and_a_near_one_is_not() {
             "filter.period_s",
             "noise_g = 3.162e-5",
             "[filter]\nperiod_s = 10",
+        ),
+        (
+            "[filter]\nperiod_s = 1\n[accelerometer]\nnoise_density_ug_per_sqrt_hz = 30",
+            "filter.period_s",
+            "random_drift_deg_per_h = 0.03162",
+            "[filter]\nperiod_s = 1\n[accelerometer]\nnoise_density_ug_per_sqrt_hz = 30\n\
+             [gyro]\nangle_random_walk_deg_per_sqrt_h = 5e-4",
         ),
     ];
     for (doubtful, key, part, near) in table {
@@ -358,7 +425,8 @@ impl Draw {
             .get(self.0.random_range(0..7))
             .unwrap();
         c.platform.filter.period_s = period;
-        c.platform.accelerometer.noise_g = rounded(self.spread(1e-7, 1e-3) / period.sqrt());
+        let noise = rounded(self.spread(1e-7, 1e-3) / period.sqrt());
+        c.platform.accelerometer.noise_g = Some(noise);
         let walk = self.spread(1e-5, 1.0);
         let gyro = &mut c.platform.gyro;
         match self.0.random_range(0..2) {
@@ -386,7 +454,22 @@ impl Draw {
         motion.start_deg = Some([0.0, 0.0, -90.0]);
         c.objective.total_time_s = rounded(self.between(1800.0, 200_000.0));
         c.objective.spec_deg_per_h = PerCoefficient::all(self.spread(1e-4, 1.0));
+        self.wandering(&mut c);
         c
+    }
+    fn wandering(&mut self, c: &mut StudyConfig) {
+        let gyro = &mut c.platform.gyro;
+        gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(self.spread(1e-5, 100.0));
+        gyro.bias_instability_deg_per_h = Some(self.spread(1e-5, 100.0));
+        gyro.bias_correlation_time_s = Some(self.spread(20.0, 2e5));
+        let accelerometer = &mut c.platform.accelerometer;
+        accelerometer.acceleration_random_walk_ug_per_sqrt_h = Some(self.spread(0.01, 1000.0));
+        accelerometer.bias_instability_ug = Some(self.spread(0.01, 1000.0));
+        accelerometer.bias_correlation_time_s = Some(self.spread(20.0, 2e5));
+        if self.0.random_range(0..2) == 0 {
+            accelerometer.noise_g = None;
+            accelerometer.noise_density_ug_per_sqrt_hz = Some(self.spread(0.1, 1000.0));
+        }
     }
     fn schedule(&mut self) -> Schedule {
         let positions = (0..self.0.random_range(2..24)).map(|_| {

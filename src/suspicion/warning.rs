@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::wandering::Wandering;
 use crate::wording::number;
 
 /// A unit of time that seconds are mistaken for.
@@ -150,6 +151,15 @@ pub enum Suspicion {
         /// How many times more than the worst.
         times: f64,
     },
+    /// What wanders, or a density of noise, as no instrument has it.
+    Implausible {
+        /// What.
+        of: Wandering,
+        /// As given.
+        given: f64,
+        /// Units it may be in, with what it would be then, in the key's unit.
+        readings: [Option<(&'static str, f64)>; 2],
+    },
     /// The filter period was changed and the noises, which are per period, were not.
     PeriodAlone {
         /// White noise of the accelerometers, if it is the default; densities in g/√Hz.
@@ -259,6 +269,11 @@ impl Warning {
             Suspicion::Louder { instrument, times } => {
                 format!("{} times {}", number(times), instrument.worst())
             }
+            Suspicion::Implausible {
+                of,
+                given,
+                readings,
+            } => implausible(of, given, readings),
             Suspicion::PeriodAlone {
                 accelerometer,
                 gyro,
@@ -278,6 +293,7 @@ impl Warning {
             Suspicion::ArcSeconds { .. } => format!("{key} is in degrees"),
             Suspicion::TooFast { .. } => format!("{key} is in degrees per second"),
             Suspicion::Time { .. } => format!("{key} is in seconds"),
+            Suspicion::Implausible { of, .. } => format!("{key} is in {}", of.unit()),
             Suspicion::Dwells { .. } => "dwell_s is in seconds".to_owned(),
             Suspicion::Quieter { instrument, .. } | Suspicion::Louder { instrument, .. } => {
                 match instrument {
@@ -312,6 +328,28 @@ impl Warning {
             }
         }
     }
+}
+
+fn implausible(of: Wandering, given: f64, readings: [Option<(&'static str, f64)>; 2]) -> String {
+    let ([best, worst], unit, instrument) = (of.range(), of.unit(), of.instrument());
+    let beyond = match given < best {
+        true => format!(
+            "{} times better than the best {instrument} ({best} {unit})",
+            number(best / given)
+        ),
+        false => format!(
+            "{} times the worst {instrument} ({worst} {unit})",
+            number(given / worst)
+        ),
+    };
+    let readings = readings.into_iter().flatten();
+    let readings = readings.map(|(mistaken, v)| {
+        format!(
+            ". In {mistaken}? {given} would then be {} {unit}",
+            number(v)
+        )
+    });
+    beyond + &readings.collect::<String>()
 }
 
 fn period_alone(accelerometer: Option<Rescaled>, gyro: Option<Rescaled>) -> String {

@@ -20,6 +20,8 @@ pub struct FullCase {
     pub misalignment_arcsec: Option<[f64; 3]>,
     pub rms_sigma_deg_per_h: f64,
     pub ignored: BTreeMap<String, f64>,
+    /// Of D_F under a random walk; empty without one.
+    pub constant_part_sigma: BTreeMap<String, f64>,
 }
 
 /// Keys of noise that is not white.
@@ -31,6 +33,15 @@ const COLOURED: [&str; 3] = [
 
 /// The cases of tests/reference/full under white noise, by name.
 pub fn full_cases() -> Vec<FullCase> {
+    cases(false)
+}
+
+/// Those where drift or biases wander.
+pub fn coloured_cases() -> Vec<FullCase> {
+    cases(true)
+}
+
+fn cases(coloured: bool) -> Vec<FullCase> {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference/full");
     let entries = std::fs::read_dir(directory).unwrap();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -38,9 +49,9 @@ pub fn full_cases() -> Vec<FullCase> {
     let texts = files
         .iter()
         .map(|path| std::fs::read_to_string(path).unwrap());
-    let is_white = |text: &String| !COLOURED.iter().any(|key| text.contains(key));
+    let wanted = |text: &String| COLOURED.iter().any(|key| text.contains(key)) == coloured;
     texts
-        .filter(is_white)
+        .filter(wanted)
         .map(|text| read_full_case(&text))
         .collect()
 }
@@ -62,5 +73,6 @@ fn read_full_case(text: &str) -> FullCase {
         misalignment_arcsec: misalignment.map(|v| serde_json::from_value(v).unwrap()),
         rms_sigma_deg_per_h: case["rms_sigma_deg_per_h"].as_f64().unwrap(),
         ignored: numbers("ignored"),
+        constant_part_sigma: numbers("constant_part_sigma"),
     }
 }

@@ -203,7 +203,7 @@ pub fn all() -> Vec<Problem> {
             1_800.0,
             rms(),
             |c| {
-                c.accelerometer.noise_g = 1e-4;
+                c.accelerometer.noise_g = Some(1e-4);
                 c.gyro.random_drift_deg_per_h = Some(0.3);
                 c.filter.period_s = 1.0;
                 prior(c, 50.0, 30.0);
@@ -218,7 +218,7 @@ pub fn all() -> Vec<Problem> {
             28_800.0,
             rms(),
             |c| {
-                c.accelerometer.noise_g = 2e-6;
+                c.accelerometer.noise_g = Some(2e-6);
                 c.gyro.random_drift_deg_per_h = Some(0.001);
                 prior(c, 0.5, 0.5);
                 slews(c, 1.0, 60.0);

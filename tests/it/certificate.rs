@@ -63,7 +63,7 @@ fn random_platform(random: &mut Random) -> PlatformConfig {
     let mut c = PlatformConfig::default();
     c.site.latitude_deg = random.between(-90.0, 90.0);
     c.filter.period_s = 10.0_f64.powf(random.between(0.3, 2.0));
-    c.accelerometer.noise_g = 10.0_f64.powf(random.between(-6.5, -4.0));
+    c.accelerometer.noise_g = Some(10.0_f64.powf(random.between(-6.5, -4.0)));
     let drift = 10.0_f64.powf(random.between(-3.0, -1.0));
     c.gyro.random_drift_deg_per_h = Some(if random.unit() < 0.1 { 0.0 } else { drift });
     let angles = [(); 3].map(|()| {

@@ -1,5 +1,6 @@
 //! The program as a user runs it: every command, every kind of bad input, every exit code.
 
+mod coloured;
 mod commands;
 mod comparison;
 mod documents;

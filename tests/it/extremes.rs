@@ -38,7 +38,7 @@ pub fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
         u if u < 0.3 => 0.0,
         _ => random.between(-90.0, 90.0),
     };
-    c.accelerometer.noise_g = power(random, -9.0, -1.0);
+    c.accelerometer.noise_g = Some(power(random, -9.0, -1.0));
     c.gyro.random_drift_deg_per_h = Some(match random.unit() < 0.15 {
         true => 0.0,
         false => power(random, -6.0, 3.0),

@@ -69,10 +69,22 @@ fn of_route(case: &FullCase, platform: &Platform, found: &FullCovariance) -> Wor
             worst.take(group, error, *expected);
         }
     }
+    let constant = found.constant_part_deg_per_h;
+    assert_eq!(
+        constant.is_some(),
+        !case.constant_part_sigma.is_empty(),
+        "{}",
+        case.name
+    );
+    for (k, sigma) in constant.iter().flatten().enumerate() {
+        let name = parameters[k].name;
+        worst.take(name, *sigma, case.constant_part_sigma[name]);
+    }
     worst
 }
 
-fn check(case: &FullCase, route: &str, platform: &Platform, found: &FullCovariance) {
+/// Every number of a case that a route finds, to 1e-6.
+pub fn check(case: &FullCase, route: &str, platform: &Platform, found: &FullCovariance) {
     let worst = of_route(case, platform, found);
     println!(
         "{} by {route}: {:.1e} {}",

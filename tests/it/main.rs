@@ -13,6 +13,7 @@ mod battery;
 mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
+mod coloured;
 mod commands;
 mod dense_filter;
 mod extremes;

@@ -121,7 +121,7 @@ impl Draw {
             _ => 28.2,
         };
         if self.chance(0.2) {
-            p.accelerometer.noise_g = self.size(1e-7, 1e-3);
+            p.accelerometer.noise_g = Some(self.size(1e-7, 1e-3));
         }
         if self.chance(0.2) {
             p.gyro.random_drift_deg_per_h = Some(self.one_of(&[0.0, 1e-4, 0.001, 0.1, 3.0]));
@@ -207,7 +207,7 @@ impl Draw {
             _ => {}
         }
         let s = &mut c.search;
-        s.max_positions = self.up_to(6).min(self.up_to(6));
+        s.max_positions = Some(self.up_to(6).min(self.up_to(6)));
         s.starts = self.up_to(2);
         s.seed = self.up_to(1000) as u64;
         s.front_points = 2;
@@ -267,7 +267,7 @@ fn check_limits(study: &CheckedConfig, schedule: &Schedule) -> Result<(), String
     let turns = schedule.positions().iter();
     let turns = turns.filter(|p| p.dwell_s == 0.0 && p.move_s.is_some());
     let count = schedule.positions().len() - turns.count();
-    if count > study.search().max_positions {
+    if Some(count) > study.search().max_positions {
         return Err(format!("{count} positions"));
     }
     CommandTable::new(

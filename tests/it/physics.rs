@@ -66,7 +66,7 @@ prop_compose! {
     ) -> PlatformConfig {
         let mut c = PlatformConfig::default();
         c.site.latitude_deg = latitude;
-        c.accelerometer.noise_g = 10.0_f64.powf(log_noise);
+        c.accelerometer.noise_g = Some(10.0_f64.powf(log_noise));
         c.gyro.random_drift_deg_per_h = Some(10.0_f64.powf(log_drift));
         c.filter.period_s = period;
         c.motion.slew_rate_deg_per_s = slew;
@@ -98,7 +98,7 @@ proptest! {
     fn less_noise_is_never_worse(config in config(), positions in schedule()) {
         let noisy = sigma(&config, &positions);
         let mut quiet = config.clone();
-        quiet.accelerometer.noise_g *= 0.3;
+        quiet.accelerometer.noise_g = quiet.accelerometer.noise_g.map(|v| 0.3 * v);
         prop_assert!(at_least_as_good(&sigma(&quiet, &positions), &noisy));
         let mut steady = config.clone();
         steady.gyro.random_drift_deg_per_h = config.gyro.random_drift_deg_per_h.map(|d| 0.3 * d);
@@ -234,7 +234,7 @@ proptest! {
         // All noises and priors in a unit k times as large: every σ is k times as large.
         let k = 10.0_f64.powf(log);
         let mut scaled = config.clone();
-        scaled.accelerometer.noise_g *= k;
+        scaled.accelerometer.noise_g = config.accelerometer.noise_g.map(|noise| k * noise);
         scaled.gyro.random_drift_deg_per_h = config.gyro.random_drift_deg_per_h.map(|d| k * d);
         scaled.prior.misalignment_deg = AxisValue::All(0.1 * k);
         scaled.prior.constant_drift_deg_per_h = AxisValue::All(15.0 * k);

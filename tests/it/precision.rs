@@ -64,7 +64,7 @@ fn differences(config: &PlatformConfig, dwells: &[(Position, usize)]) -> [f64; 3
 fn config(latitude_deg: f64, noise_g: f64, random: f64, period_s: f64) -> PlatformConfig {
     let mut config = PlatformConfig::default();
     config.site.latitude_deg = latitude_deg;
-    config.accelerometer.noise_g = noise_g;
+    config.accelerometer.noise_g = Some(noise_g);
     config.gyro.random_drift_deg_per_h = Some(random);
     config.filter.period_s = period_s;
     config
@@ -182,7 +182,7 @@ fn what_doubles_lose_is_right_in_32_digits() {
 #[test]
 fn a_misalignment_far_better_told_than_known_is_right() {
     let mut config = PlatformConfig::default();
-    config.accelerometer.noise_g = 1e-8;
+    config.accelerometer.noise_g = Some(1e-8);
     config.prior.misalignment_deg = AxisValue::All(15.0);
     config.prior.constant_drift_deg_per_h = AxisValue::All(8.0);
     let at = Position::from_deg;

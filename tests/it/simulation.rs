@@ -1,5 +1,6 @@
 //! Truth, filter and their consistency.
 
+mod coloured;
 #[cfg(feature = "cli")]
 mod command;
 mod filter;

@@ -298,7 +298,7 @@ fn extreme_conditions_have_a_bound_or_say_why_not() {
         }),
         ("", |c| {
             c.azimuth.noise_arcsec = Some(1.0);
-            c.accelerometer.noise_g = 1e-12;
+            c.accelerometer.noise_g = Some(1e-12);
         }),
         ("frame-hold", |c| {
             c.azimuth.noise_arcsec = Some(0.1);
@@ -307,8 +307,8 @@ fn extreme_conditions_have_a_bound_or_say_why_not() {
         ("", |c| c.gyro.random_drift_deg_per_h = Some(0.0)),
         ("pole", |c| c.site.latitude_deg = 90.0),
         ("", |c| c.site.latitude_deg = -89.999),
-        ("", |c| c.accelerometer.noise_g = 1e-12),
-        ("", |c| c.accelerometer.noise_g = 1.0),
+        ("", |c| c.accelerometer.noise_g = Some(1e-12)),
+        ("", |c| c.accelerometer.noise_g = Some(1.0)),
         ("", |c| c.filter.period_s = 1e-2),
         ("", |c| c.filter.period_s = 3000.0),
         ("frame-hold", |c| {

@@ -297,6 +297,11 @@ impl Arithmetic for Plain {
     type Panels = Panels;
     const PASSES: usize = 1;
 
+    /// Machines without better registers are not worth the compiler's time.
+    #[inline(always)]
+    fn apart<W: Work>(self, work: W) -> W::Output {
+        call_plainly(work)
+    }
     #[inline(always)]
     fn always_apart<W: Work>(self, work: W) -> W::Output {
         call_plainly(work)

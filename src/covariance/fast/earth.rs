@@ -80,6 +80,12 @@ impl<N: Number> Earth<N> {
         [-(self.rate * self.up), self.rate * self.north]
     }
 
+    /// a I + b K + c K², K the cross matrix of the axis.
+    #[inline(always)]
+    pub fn function(&self, [a, b, c]: [N; 3]) -> Entries<N> {
+        rotation(self.north, self.up, a, -b, c)
+    }
+
     /// Φ(t).
     #[inline(always)]
     pub fn transition(&self, t_s: N) -> Entries<N> {

@@ -3,13 +3,10 @@
 //! A parameter's column of the drift matrix is a combination of the shape's: mounting, signs and
 //! units are factors, what a platform does not have is left out. With L the matrix of these factors
 //! the information on the parameters is Lᵀ E L, worked out once per schedule.
-//!
-//! In a mixing the parameters stand in the order: others that are estimated, those that are only
-//! considered, those that a figure of merit sees besides, the twelve drift coefficients.
 
+use super::posterior::Order;
 use super::shape::{Catalogue, Instruments, Monomial, Shape};
-use crate::drift::COEFFICIENTS;
-use crate::model::{Effect, ErrorModel, Feature, Instrument, Role};
+use crate::model::{Effect, ErrorModel, Feature, Instrument};
 
 /// Which shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,12 +25,8 @@ type Column = Vec<(usize, f64)>;
 pub(crate) struct Mixing {
     /// The smallest shape that has all columns.
     pub(super) kind: Kind,
-    /// How many parameters are estimated beside those that are seen.
-    pub(super) estimated: usize,
-    /// How many are considered.
-    pub(super) considered: usize,
-    /// 1σ of all parameters before the test, in their units.
-    pub(super) prior_sigma: Vec<f64>,
+    /// The parameters.
+    pub(super) order: Order,
     /// Of every pair of parameters (i, j ≥ i), row by row: where its terms end in `terms`.
     ends: Vec<u32>,
     /// Entries of the tiles, and their factors.
@@ -48,7 +41,7 @@ pub(crate) struct Mixing {
 }
 
 /// An effect in powers of g^c: of which group of instruments, which of the three, and its factor.
-fn in_powers_of_g(effect: &Effect) -> (usize, usize, Monomial, f64) {
+pub(super) fn in_powers_of_g(effect: &Effect) -> (usize, usize, Monomial, f64) {
     // An accelerometer feels f = −g^c.
     let (group, axis, feels) = match effect.on {
         Instrument::Gyro(axis) => (0, axis, 1.0),
@@ -108,66 +101,30 @@ fn column<S: Shape>(effects: &[Effect], prior_sigma: f64) -> Option<Column> {
     Some(all)
 }
 
-/// What a parameter does, and its 1σ before the test.
-type Known<'a> = (&'a [Effect], f64);
-
 impl Mixing {
-    /// Of all parameters of `errors`, those at `seen` seen by figures of merit besides the twelve
-    /// coefficients, on the smallest shape that has all their features. Parameters that are known exactly
-    /// are left out, but for those that are seen.
+    /// Of the parameters of `errors` in their [`Order`], on the smallest shape that has all their features.
     #[allow(
         clippy::expect_used,
         reason = "the catalogue has the features of every family, which a test shows"
     )]
     pub fn new(errors: &ErrorModel, seen: &[usize]) -> Self {
-        Self::of_all(errors, seen, |all, counts| {
-            Self::on::<Instruments>(Kind::Instruments, all, counts)
-                .or_else(|| Self::on::<Catalogue>(Kind::Catalogue, all, counts))
-        })
-        .expect("the catalogue has every feature")
+        let order = Order::new(errors, seen);
+        Self::on::<Instruments>(Kind::Instruments, errors, &order)
+            .or_else(|| Self::on::<Catalogue>(Kind::Catalogue, errors, &order))
+            .expect("the catalogue has every feature")
     }
 
     /// On the largest shape, whatever the parameters.
     #[cfg(test)]
     pub fn of_catalogue(errors: &ErrorModel) -> Self {
-        let on = |all: &[Known<'_>], counts| Self::on::<Catalogue>(Kind::Catalogue, all, counts);
-        Self::of_all(errors, &[], on).unwrap()
+        Self::on::<Catalogue>(Kind::Catalogue, errors, &Order::new(errors, &[])).unwrap()
     }
 
-    /// What `on` makes of the parameters in their order, and of how many are estimated and considered.
-    fn of_all(
-        errors: &ErrorModel,
-        seen: &[usize],
-        on: impl Fn(&[Known<'_>], (usize, usize)) -> Option<Self>,
-    ) -> Option<Self> {
+    fn on<S: Shape>(kind: Kind, errors: &ErrorModel, order: &Order) -> Option<Self> {
         let effects = errors.effects();
-        let (mut estimated, mut considered) = (Vec::new(), Vec::new());
-        for (i, parameter) in errors.parameters().iter().enumerate().skip(COEFFICIENTS) {
-            if parameter.prior_sigma == 0.0 || seen.contains(&i) {
-                continue;
-            }
-            match parameter.role {
-                Role::Estimated => estimated.push(i),
-                Role::Considered => considered.push(i),
-            }
-        }
-        let counts = (estimated.len(), considered.len());
-        // The coefficients come first among the platform's parameters.
-        let rest = seen.iter().copied().chain(0..COEFFICIENTS);
-        let all = estimated.into_iter().chain(considered).chain(rest);
-        let known = |i: usize| (&effects[i][..], errors.parameters()[i].prior_sigma);
-        let all: Vec<Known<'_>> = all.map(known).collect();
-        on(&all, counts)
-    }
-
-    fn on<S: Shape>(
-        kind: Kind,
-        all: &[Known<'_>],
-        (estimated, considered): (usize, usize),
-    ) -> Option<Self> {
-        let of: Option<Vec<Column>> = all
-            .iter()
-            .map(|(effects, sigma)| column::<S>(effects, *sigma))
+        let known = order.places.iter().zip(&order.scale);
+        let of: Option<Vec<Column>> = known
+            .map(|(&i, sigma)| column::<S>(&effects[i], *sigma))
             .collect();
         let of = of?;
         let (size, columns) = (of.len(), 4 * S::QUADS);
@@ -191,9 +148,7 @@ impl Mixing {
         }
         Some(Self {
             kind,
-            estimated,
-            considered,
-            prior_sigma: all.iter().map(|(_, sigma)| *sigma).collect(),
+            order: order.clone(),
             ends,
             terms,
             pulls,
@@ -202,21 +157,11 @@ impl Mixing {
         })
     }
 
-    /// How many parameters there are.
-    pub fn size(&self) -> usize {
-        self.prior_sigma.len()
-    }
-
-    /// 1σ of what is seen before the test.
-    pub(super) fn seen_sigma(&self) -> &[f64] {
-        &self.prior_sigma[self.estimated + self.considered..]
-    }
-
     /// Lᵀ E L in units of the prior σ, its upper triangle, row by row, full rows; from the entries of
     /// the tiles.
     #[inline(always)]
     pub(super) fn information<N: super::arithmetic::Number>(&self, zero: N, tiles: &[N]) -> Vec<N> {
-        let size = self.size();
+        let size = self.order.size();
         let mut out = vec![zero; size * size];
         let (mut pair, mut first) = (0, 0);
         for i in 0..size {

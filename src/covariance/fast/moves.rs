@@ -58,22 +58,22 @@ pub(crate) struct IntegralAdjoint<N> {
 }
 
 /// What the integrand is made of at a node (or several).
-struct AtNode<N> {
+pub(crate) struct AtNode<N> {
     /// Share of the move done.
-    fraction: N,
+    pub fraction: N,
     /// C_c^n.
-    c: Entries<N>,
+    pub c: Entries<N>,
     /// (sin α, cos α).
-    alpha: (N, N),
+    pub alpha: (N, N),
     /// Φ(t_end − t) times the node's weight.
-    phi: Entries<N>,
+    pub phi: Entries<N>,
     /// The node's weight.
     weight: N,
 }
 
 /// C_c^n = Mx(α) My(β) Mz(γ), (19), and (sin α, cos α).
 #[inline(always)]
-fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
+pub(crate) fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
     let [(sa, ca), (sb, cb), (sg, cg)] = three!(|i| sin_cos(angles[i]));
     let (sa_sb, ca_sb) = (sa * sb, ca * sb);
     let c = [
@@ -110,7 +110,7 @@ pub(crate) fn body_rate<N: Number>(
 
 /// Reverse mode of [`body_rate`]: adds to C̄, and gives the adjoints of α and of the angles' rates.
 #[inline(always)]
-fn body_rate_adjoint<N: Number>(
+pub(crate) fn body_rate_adjoint<N: Number>(
     c: &Entries<N>,
     (sin_alpha, cos_alpha): (N, N),
     rates: &[N; 3],
@@ -129,30 +129,30 @@ fn body_rate_adjoint<N: Number>(
 }
 
 #[inline(always)]
-fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
+pub(crate) fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
     three!(|i| three!(|j| a[i][2].mul_add(b[2][j], a[i][1].mul_add(b[1][j], a[i][0] * b[0][j]))))
 }
 
 /// An interval ready to be visited node by node.
-struct Nodes<N> {
+pub(crate) struct Nodes<N> {
     earth: Earth<N>,
     /// ω_ie^n, or 0 where no time passes.
     earth_rate: [N; 3],
     from: [N; 3],
     change: [N; 3],
     /// The angles' rates, rad/s.
-    rates: [N; 3],
-    per_duration: N,
+    pub rates: [N; 3],
+    pub per_duration: N,
     start: N,
     length: N,
     width: N,
     /// Whether no time passes, and Φ is 1.
-    instant: bool,
+    pub instant: bool,
 }
 
 impl<N: Number> Nodes<N> {
     #[inline(always)]
-    fn new<A: Arithmetic<Node = N>, S: Shape>(
+    pub fn new<A: Arithmetic<Node = N>, S: Shape>(
         ar: A,
         earth: &Earth<A::Number>,
         turn: &Turn<A::Number>,
@@ -186,7 +186,7 @@ impl<N: Number> Nodes<N> {
 
     /// Φ C times the node's weight.
     #[inline(always)]
-    fn turned(&self, node: &AtNode<N>) -> Entries<N> {
+    pub fn turned(&self, node: &AtNode<N>) -> Entries<N> {
         match self.instant {
             true => three!(|i| three!(|j| node.c[i][j] * node.weight)),
             false => product(&node.phi, &node.c),
@@ -195,7 +195,7 @@ impl<N: Number> Nodes<N> {
 
     /// The body's rate at a node, in n.
     #[inline(always)]
-    fn body_rate<S: Shape>(&self, node: &AtNode<N>) -> [N; 3] {
+    pub fn body_rate<S: Shape>(&self, node: &AtNode<N>) -> [N; 3] {
         match S::DRIFT_ONLY {
             true => self.earth_rate,
             false => body_rate(&node.c, node.alpha, &self.earth_rate, &self.rates),
@@ -204,7 +204,7 @@ impl<N: Number> Nodes<N> {
 
     /// At `places`, in widths of a panel from the start, with those `weights`.
     #[inline(always)]
-    fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
+    pub fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
         let t = self.width * places;
         let fraction = (self.start + t) * self.per_duration;
         let (c, alpha) = attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])));
@@ -235,7 +235,7 @@ impl<N: Number> Nodes<N> {
 
 /// The order of the passes. Four nodes in one register are summed as (0 + 2) + (1 + 3); one by one
 /// they are summed in the same way, so that a lane has the bits of its schedule alone.
-const PASSES: [usize; 4] = [0, 2, 1, 3];
+pub(crate) const PASSES: [usize; 4] = [0, 2, 1, 3];
 
 /// 1 for rates, `time` for all other features: block by block.
 #[inline(always)]

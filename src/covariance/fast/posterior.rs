@@ -20,7 +20,65 @@ use nalgebra::DMatrix;
 
 use super::arithmetic::Number;
 use super::information::keeps_digits;
-use super::mixing::Mixing;
+use crate::drift::COEFFICIENTS;
+use crate::model::{ErrorModel, Role};
+
+/// The parameters of a platform in the order of the chain: others that are estimated, those that are only
+/// considered, those that a figure of merit sees besides, the twelve drift coefficients.
+#[derive(Debug, Clone)]
+pub(crate) struct Order {
+    /// Places in [`ErrorModel::parameters`].
+    pub places: Vec<usize>,
+    /// How many are estimated beside those that are seen.
+    pub estimated: usize,
+    /// How many are considered.
+    pub considered: usize,
+    /// What they are in units of: 1σ of each before the test.
+    pub scale: Vec<f64>,
+    /// What is known of each before the test in those units, 1, or 0 where that is told otherwise.
+    pub prior: Vec<f64>,
+}
+
+impl Order {
+    /// Of all parameters of `errors`, those at `seen` seen by figures of merit besides the twelve
+    /// coefficients. Parameters that are known exactly are left out, but for those that are seen.
+    pub fn new(errors: &ErrorModel, seen: &[usize]) -> Self {
+        let all = errors.parameters();
+        let of_role = |role: Role| {
+            (COEFFICIENTS..all.len()).filter(move |&i| {
+                all[i].prior_sigma != 0.0 && !seen.contains(&i) && all[i].role == role
+            })
+        };
+        let others: Vec<usize> = of_role(Role::Estimated).collect();
+        let considered: Vec<usize> = of_role(Role::Considered).collect();
+        let (estimated, ignored) = (others.len(), considered.len());
+        // The coefficients come first among the platform's parameters.
+        let rest = seen.iter().copied().chain(0..COEFFICIENTS);
+        let places: Vec<usize> = others.into_iter().chain(considered).chain(rest).collect();
+        Self {
+            estimated,
+            considered: ignored,
+            scale: places.iter().map(|&i| all[i].prior_sigma).collect(),
+            prior: vec![1.0; places.len()],
+            places,
+        }
+    }
+
+    /// How many parameters there are.
+    pub fn size(&self) -> usize {
+        self.places.len()
+    }
+
+    /// How many come before those that are seen.
+    pub fn first_seen(&self) -> usize {
+        self.estimated + self.considered
+    }
+
+    /// The units of what is seen.
+    pub fn seen_scale(&self) -> &[f64] {
+        &self.scale[self.first_seen()..]
+    }
+}
 
 /// What the information on all parameters leaves of those that are seen, in units of their prior σ.
 /// Matrices are full and row by row.
@@ -58,16 +116,14 @@ pub(crate) enum Pulled<N> {
 }
 
 impl<N: Number> Posterior<N> {
-    /// From the entries of the tiles.
+    /// From the information E that measurements give, over all parameters, row by row, its upper triangle.
     #[inline(always)]
-    pub fn new(zero: N, mixing: &Mixing, tiles: &[N]) -> Self {
-        let size = mixing.size();
-        let (eliminated, first) = (mixing.estimated, mixing.estimated + mixing.considered);
+    pub fn new(zero: N, order: &Order, mut rows: Vec<N>) -> Self {
+        let (size, eliminated, first) = (order.size(), order.estimated, order.first_seen());
         let seen = size - first;
         let one = zero.constant(1.0);
-        let mut rows = mixing.information(zero, tiles);
         for i in (0..eliminated).chain(first..size) {
-            rows[i * size + i] = rows[i * size + i] + one;
+            rows[i * size + i] = rows[i * size + i] + zero.constant(order.prior[i]);
         }
         let mut posterior = Self {
             eliminated,

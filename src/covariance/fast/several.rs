@@ -15,7 +15,7 @@
 )]
 
 pub(crate) mod between;
-mod gradients;
+pub(super) mod gradients;
 mod wide;
 
 use std::borrow::Cow;
@@ -44,13 +44,14 @@ use crate::error::Result;
 use crate::motion::integral::Panels;
 use crate::motion::{Leg, Timeline};
 use between::{Between, run};
+pub(super) use wide::Slopes;
 
 type Lane<S, L> = Register<S, L>;
 
 /// One timeline per lane; the last one again in lanes to spare.
-struct Group<'a, S, L> {
-    ar: Lanes<S, L>,
-    timelines: Vec<OneTimeline<'a, Plain>>,
+pub(super) struct Group<'a, S, L> {
+    pub ar: Lanes<S, L>,
+    pub timelines: Vec<OneTimeline<'a, Plain>>,
     legs: usize,
 }
 
@@ -64,13 +65,13 @@ impl<'a, S: Simd, L: Alignment> Group<'a, S, L> {
         }
     }
 
-    fn lane(&self, i: usize) -> &OneTimeline<'a, Plain> {
+    pub fn lane(&self, i: usize) -> &OneTimeline<'a, Plain> {
         &self.timelines[i.min(self.timelines.len() - 1)]
     }
 
     /// `value` of every lane, with its timeline.
     #[inline(always)]
-    fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L> {
+    pub fn gather(&self, value: impl Fn(&OneTimeline<'a, Plain>) -> f64) -> Lane<S, L> {
         let mut values = [0.0; MOST_LANES];
         for (i, slot) in values.iter_mut().enumerate().take(S::F64_LANES) {
             *slot = value(self.lane(i));
@@ -261,18 +262,18 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
 }
 
 /// What is asked of a batch.
-struct Batch<'a> {
-    model: &'a CovarianceModel,
-    timelines: &'a [Timeline],
-    rule: TickRule,
+pub(super) struct Batch<'a> {
+    pub model: &'a CovarianceModel,
+    pub timelines: &'a [Timeline],
+    pub rule: TickRule,
     /// Of the shape that is carried.
-    facts: Facts,
+    pub facts: Facts,
 }
 
 impl<'a> Batch<'a> {
     /// The timelines in groups of at most `lanes`, alike in their number of legs; those that would
     /// make others of their group do what they do not do alone, on their own.
-    fn groups(&self, lanes: usize) -> Vec<Vec<usize>> {
+    pub fn groups(&self, lanes: usize) -> Vec<Vec<usize>> {
         let (mut together, alone): (Vec<usize>, Vec<usize>) =
             (0..self.timelines.len()).partition(|&i| self.model.keeps_step(&self.timelines[i]));
         together.sort_by_key(|&i| self.timelines[i].legs().len());
@@ -280,7 +281,7 @@ impl<'a> Batch<'a> {
         together.chain(alone.into_iter().map(|i| vec![i])).collect()
     }
 
-    fn group<S: Simd, L: Alignment>(
+    pub fn group<S: Simd, L: Alignment>(
         &self,
         ar: Lanes<S, L>,
         of: &[usize],
@@ -470,9 +471,10 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
-        match &self.mixing {
-            Some(mixing) => self.wide_values(mixing, timelines, rule, merit),
-            None => self.in_lanes(timelines, rule, None, &merit),
+        match (&self.coloured, &self.mixing) {
+            (Some(coloured), _) => self.coloured_values(coloured, timelines, rule, merit),
+            (None, Some(mixing)) => self.wide_values(mixing, timelines, rule, merit),
+            (None, None) => self.in_lanes(timelines, rule, None, &merit),
         }
     }
 

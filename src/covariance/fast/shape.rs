@@ -80,6 +80,14 @@ impl Monomial {
         ][i][j]
     }
 
+    /// Whether it is of the second degree in g.
+    pub const fn is_square(self) -> bool {
+        matches!(
+            self,
+            Self::XX | Self::YY | Self::ZZ | Self::XY | Self::XZ | Self::YZ
+        )
+    }
+
     /// Whether it is a rate.
     pub const fn is_rate(self) -> bool {
         matches!(self, Self::RateX | Self::RateY | Self::RateZ)

@@ -442,6 +442,9 @@ impl CovarianceModel {
         rule: TickRule,
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Result<f64> {
+        if let Some(coloured) = &self.coloured {
+            return self.coloured_value(coloured, timeline, rule, &mut merit);
+        }
         if let Some(mixing) = &self.mixing {
             return self.wide_value(mixing, timeline, rule, merit);
         }
@@ -502,6 +505,9 @@ impl CovarianceModel {
         rule: TickRule,
         mut merit: impl FnMut(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Result<(f64, Vec<LegGradient>)> {
+        if let Some(coloured) = &self.coloured {
+            return self.coloured_gradient(coloured, timeline, rule, &mut merit);
+        }
         if let Some(mixing) = &self.mixing {
             return self.wide_gradient(mixing, timeline, rule, merit);
         }

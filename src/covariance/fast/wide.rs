@@ -3,7 +3,7 @@
 
 mod seen;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod told;
 
 use std::marker::PhantomData;
@@ -23,7 +23,8 @@ use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule}
 use crate::error::Result;
 use crate::motion::Timeline;
 pub(crate) use seen::OfPosterior;
-use told::{Stacked, told};
+pub(crate) use told::{Stacked, Told};
+use told::{by_columns, told};
 
 /// A figure of merit.
 type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
@@ -82,10 +83,10 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
             // Once more, with the rows kept.
             tape.on = true;
         };
-        let of = OfPosterior::new(&posterior, mixing, |v: f64| v);
+        let of = OfPosterior::new(&posterior, &mixing.order, |v: f64| v);
         let by_rows = || {
             let told = told(ar, &legs, &earth, &tape, mixing);
-            Stacked::new(&told, mixing)
+            Stacked::new(&told, &mixing.order)
         };
         let value = match self.wanted {
             Wanted::Value(merit) if kept => merit(&of),
@@ -104,7 +105,10 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
                 } else {
                     by_rows().and_then(|stacked| {
                         let (value, slope) = merit(&stacked)?;
-                        Ok((value, stacked.times_adjoint::<A, S>(ar, &slope)))
+                        Ok((
+                            value,
+                            by_columns::<A, S>(ar, mixing, &stacked.times_adjoint(&slope)),
+                        ))
                     })
                 };
                 let per_s = 1.0 / (model.period_s * model.noise_variance);
@@ -129,7 +133,7 @@ impl<N: Number> Work for Finish<'_, N> {
     type Output = Posterior<N>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        Posterior::new(self.0, self.1, self.2)
+        Posterior::new(self.0, &self.1.order, self.1.information(self.0, self.2))
     }
 }
 

@@ -101,3 +101,49 @@ fn combined(a: &Drive<f64>, b: &Drive<f64>, times: f64) -> Drive<f64> {
         both.map(|(a, b)| a + times * b).collect()
     })
 }
+
+/// 1 − e^{−x}, x = `rate` · `length_s` not negative, by its series and y(2x) = y (2 − y).
+pub(super) fn decayed<T: Real>(rate: f64, length_s: f64) -> T {
+    /// 2⁻²⁴/24! is below 1e-30, and the next far below 1e-34.
+    const TERMS: u32 = 30;
+    let exponent = rate * length_s;
+    let halvings = (libm::log2(exponent.max(f64::MIN_POSITIVE)) + 1.0)
+        .ceil()
+        .max(0.0);
+    let x = T::from(exponent) / T::from(libm::pow(2.0, halvings));
+    let (mut y, mut term) = (T::from(0.0), x);
+    for k in 2..TERMS {
+        y += term;
+        term = -(term * x) / T::from(f64::from(k));
+    }
+    for _ in 0..halvings as usize {
+        y = y * (T::from(2.0) - y);
+    }
+    y
+}
+
+/// e^{−x}.
+pub(super) fn decay<T: Real>(rate: f64, length_s: f64) -> T {
+    T::from(1.0) - decayed::<T>(rate, length_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covariance::real::Extended;
+
+    #[test]
+    fn decays_are_exponential() {
+        for x in [0.0, 1e-12, 0.3, 1.0, 7.9] {
+            let found = decayed::<f64>(x, 1.0);
+            assert!((found + (-x).exp_m1()).abs() <= 4e-16 * found, "{x}");
+            // e^{−x} e^{−2x} = e^{−3x}.
+            let kept = |times: f64| decay::<Extended>(x, times);
+            let error = kept(1.0) * kept(2.0) - kept(3.0);
+            // The exponents are those of doubles.
+            assert!(error.f64().abs() < 1e-15, "{x}: {:e}", error.f64());
+        }
+        let twice = decay::<Extended>(0.375, 1.0) * decay::<Extended>(0.375, 1.0);
+        assert!((twice - decay::<Extended>(0.75, 1.0)).f64().abs() < 1e-31);
+    }
+}

@@ -28,10 +28,21 @@ use crate::motion::Timeline;
 
 /// Derivatives with respect to one leg, per lane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LaneGradient<N> {
+pub(in crate::covariance::fast) struct LaneGradient<N> {
     angles: [N; 3],
     dwell_s: N,
     move_s: N,
+}
+
+impl<N: Number> LaneGradient<N> {
+    /// None of it.
+    pub fn nothing(zero: N) -> Self {
+        Self {
+            angles: [zero; 3],
+            dwell_s: zero,
+            move_s: zero,
+        }
+    }
 }
 
 impl<S: Simd, L: Alignment> LaneGradient<Register<S, L>> {
@@ -173,12 +184,7 @@ pub(super) fn backward<S: Simd, L: Alignment, C: Shape>(
     let ar = group.ar;
     let model = group.timelines[0].model;
     let zero = ar.number(0.0);
-    let nothing = LaneGradient {
-        angles: [zero; 3],
-        dwell_s: zero,
-        move_s: zero,
-    };
-    let mut gradient = vec![nothing; group.legs];
+    let mut gradient = vec![LaneGradient::nothing(zero); group.legs];
     let per_s = 1.0 / (model.period_s * model.noise_variance);
     course::backward(
         ar,
@@ -254,6 +260,9 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
+        if let Some(coloured) = &self.coloured {
+            return self.coloured_gradients(coloured, timelines, rule, merit);
+        }
         if let Some(mixing) = &self.mixing {
             return self.wide_gradients(mixing, timelines, rule, merit);
         }
@@ -290,6 +299,6 @@ impl CovarianceModel {
 }
 
 /// Whether `count` schedules in so many lanes take less time than one by one.
-pub(super) fn is_worth_while(count: usize, lanes: usize) -> bool {
+pub(in crate::covariance::fast) fn is_worth_while(count: usize, lanes: usize) -> bool {
     lanes >= 4 && 2 * count > lanes
 }

@@ -70,7 +70,7 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
             for (lane, &i) in of.iter().enumerate() {
                 let value = |v: Lane<S, L>| v.lane(lane);
                 out[i] = match posterior.keeps_digits(value) {
-                    true => (self.merit)(&OfPosterior::new(&posterior, self.mixing, value)),
+                    true => (self.merit)(&OfPosterior::new(&posterior, &self.mixing.order, value)),
                     false => {
                         let timeline = &self.batch.timelines[i];
                         model.wide_value(self.mixing, timeline, self.batch.rule, self.merit)
@@ -100,7 +100,7 @@ struct Gradients<'a, C> {
 /// The derivative of each lane's figure of merit: a criterion gives the same form of it for every
 /// schedule.
 #[derive(Default)]
-struct Slopes {
+pub(in crate::covariance::fast) struct Slopes {
     of: Option<(Form, Vec<[f64; MOST_LANES]>)>,
 }
 
@@ -113,7 +113,7 @@ enum Form {
 }
 
 impl Slopes {
-    fn set(&mut self, lane: usize, pulled: &Pulled<f64>) {
+    pub fn set(&mut self, lane: usize, pulled: &Pulled<f64>) {
         let (form, from) = match pulled {
             Pulled::Variances(from) => (Form::Variances, from),
             Pulled::Covariance(from) => (Form::Covariance, from),
@@ -127,7 +127,7 @@ impl Slopes {
     }
 
     /// None where no lane has any.
-    fn gathered<S: Simd, L: Alignment>(&self, ar: Lanes<S, L>) -> Option<Pulled<Lane<S, L>>> {
+    pub fn gathered<S: Simd, L: Alignment>(&self, ar: Lanes<S, L>) -> Option<Pulled<Lane<S, L>>> {
         let (form, of) = self.of.as_ref()?;
         let all = of.iter().map(|v| Register::gather(ar.0, v)).collect();
         Some(match form {
@@ -154,7 +154,7 @@ impl<C: WideShape> LaneTask for Gradients<'_, C> {
                 self.alone.push(i);
                 continue;
             }
-            let of = OfPosterior::new(&posterior, self.mixing, value);
+            let of = OfPosterior::new(&posterior, &self.mixing.order, value);
             self.out[i] = (self.merit)(&of).map(|(value, slope)| {
                 slopes.set(lane, &of.pulled(&slope));
                 (value, Vec::new())

@@ -5,8 +5,7 @@ use std::borrow::Cow;
 use nalgebra::DMatrix;
 
 use super::super::arithmetic::Number;
-use super::super::mixing::Mixing;
-use super::super::posterior::{Posterior, Pulled};
+use super::super::posterior::{Order, Posterior, Pulled};
 use crate::covariance::{CoefficientCovariance, CovarianceRoot, Slope};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix};
 
@@ -42,8 +41,8 @@ pub(crate) struct OfPosterior<'a, N, F> {
 
 impl<'a, N: Number, F: Fn(N) -> f64> OfPosterior<'a, N, F> {
     /// `lane` takes the number wanted.
-    pub fn new(posterior: &'a Posterior<N>, mixing: &'a Mixing, lane: F) -> Self {
-        let sigma = mixing.seen_sigma();
+    pub fn new(posterior: &'a Posterior<N>, order: &'a Order, lane: F) -> Self {
+        let sigma = order.seen_scale();
         Self {
             coefficients: of_coefficients(&posterior.matrix(&lane), sigma, sigma),
             posterior,

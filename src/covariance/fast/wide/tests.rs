@@ -15,31 +15,31 @@ mod duals;
 mod weights;
 
 /// A small generator of its own: the same cases for ever.
-struct Random(u64);
+pub(in crate::covariance::fast) struct Random(pub u64);
 
 impl Random {
-    fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 }
 
 /// Keys and values of several objects in one.
-fn merged(of: &[&Value]) -> Value {
+pub(in crate::covariance::fast) fn merged(of: &[&Value]) -> Value {
     let all = of.iter().flat_map(|v| v.as_object().unwrap().clone());
     Value::Object(all.collect())
 }
 
-fn torquers() -> Value {
+pub(in crate::covariance::fast) fn torquers() -> Value {
     json!({ "torquer_scale_factor_ppm": 1000.0, "torquer_misalignment_arcsec": 60.0 })
 }
 
-fn accelerometers() -> Value {
+pub(in crate::covariance::fast) fn accelerometers() -> Value {
     json!({
         "accelerometer_bias_ug": 100.0,
         "accelerometer_scale_factor_ppm": 200.0,
@@ -48,7 +48,7 @@ fn accelerometers() -> Value {
     })
 }
 
-fn others() -> Value {
+pub(in crate::covariance::fast) fn others() -> Value {
     json!({
         "quadratic_drift_deg_per_h_per_g2": 0.1,
         "accelerometer_third_order_ug_per_g3": 5.0,
@@ -100,7 +100,7 @@ fn selections() -> Vec<(Kind, Value)> {
 }
 
 /// Platforms with every kind of step.
-fn motions() -> Vec<Value> {
+pub(in crate::covariance::fast) fn motions() -> Vec<Value> {
     vec![
         json!({}),
         json!({ "slew_rate_deg_per_s": 0.5, "settle_s": 13.0 }),
@@ -112,7 +112,7 @@ fn motions() -> Vec<Value> {
     ]
 }
 
-fn platform(selection: &Value, motion: &Value) -> Platform {
+pub(in crate::covariance::fast) fn platform(selection: &Value, motion: &Value) -> Platform {
     let prior = json!({
         "constant_drift_deg_per_h": 0.1, "g_sensitive_drift_deg_per_h_per_g": 0.1
     });
@@ -135,7 +135,11 @@ fn for_each_platform(mut test: impl FnMut(&str, usize, &Platform)) {
 }
 
 /// Uneven dwells, the time of some moves given.
-fn positions(random: &mut Random, platform: &Platform, count: usize) -> Vec<ScheduledPosition> {
+pub(in crate::covariance::fast) fn positions(
+    random: &mut Random,
+    platform: &Platform,
+    count: usize,
+) -> Vec<ScheduledPosition> {
     let moves = platform.motion().repositioning == Repositioning::Slew;
     let first = usize::from(platform.motion().start.is_none());
     (0..count)
@@ -155,18 +159,21 @@ fn positions(random: &mut Random, platform: &Platform, count: usize) -> Vec<Sche
         .collect()
 }
 
-fn timeline(platform: &Platform, positions: &[ScheduledPosition]) -> Timeline {
+pub(in crate::covariance::fast) fn timeline(
+    platform: &Platform,
+    positions: &[ScheduledPosition],
+) -> Timeline {
     Timeline::unchecked(&platform.clone().into(), positions.iter().copied())
 }
 
 /// A central difference of sixth order.
-fn slope(h: f64, f: impl Fn(f64) -> f64) -> f64 {
+pub(in crate::covariance::fast) fn slope(h: f64, f: impl Fn(f64) -> f64) -> f64 {
     (45.0 * (f(h) - f(-h)) - 9.0 * (f(2.0 * h) - f(-2.0 * h)) + (f(3.0 * h) - f(-3.0 * h)))
         / (60.0 * h)
 }
 
 /// `positions` with the angle of one turned.
-fn turned(
+pub(in crate::covariance::fast) fn turned(
     positions: &[ScheduledPosition],
     k: usize,
     axis: usize,
@@ -179,7 +186,7 @@ fn turned(
     changed
 }
 
-fn largest_angle(gradient: &[LegGradient]) -> f64 {
+pub(in crate::covariance::fast) fn largest_angle(gradient: &[LegGradient]) -> f64 {
     let angles = gradient.iter().flat_map(|leg| leg.angles);
     angles.fold(0.0_f64, |m, a| m.max(a.abs()))
 }
@@ -204,7 +211,7 @@ fn the_catalogue_has_every_feature() {
         let platform = platform(&json!({ "errors": errors, "gyro": gyro }), &json!({}));
         let mixing = Mixing::new(platform.errors(), &[]);
         assert_eq!(mixing.kind, Kind::Catalogue);
-        assert_eq!(mixing.size(), platform.errors().parameters().len());
+        assert_eq!(mixing.order.size(), platform.errors().parameters().len());
     }
 }
 

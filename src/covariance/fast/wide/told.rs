@@ -22,6 +22,7 @@ use super::super::arithmetic::{Row, Single, four};
 use super::super::course::{Legs, Step, Tape, on_the_way};
 use super::super::earth::Earth;
 use super::super::mixing::Mixing;
+use super::super::posterior::Order;
 use super::super::shape::{Shape, every};
 use super::super::tiles::{WideAdjoint, vertical_row};
 use super::super::{Place, entries_of};
@@ -32,9 +33,9 @@ use crate::error::Result;
 
 /// A row over all parameters in units of the prior σ; `scale` times it has unit noise.
 #[derive(Debug, Clone)]
-pub(super) struct Told {
-    row: Vec<f64>,
-    scale: f64,
+pub(crate) struct Told {
+    pub row: Vec<f64>,
+    pub scale: f64,
 }
 
 /// The rows that the chain has told, in the order of the tape.
@@ -93,8 +94,8 @@ pub(super) fn told<A: Single, S: Shape>(
 }
 
 /// The rows, triangularised.
-pub(super) struct Stacked<'a> {
-    mixing: &'a Mixing,
+pub(crate) struct Stacked<'a> {
+    order: &'a Order,
     /// Which parameters are estimated, and which considered.
     estimated: Vec<usize>,
     considered: Vec<usize>,
@@ -115,27 +116,28 @@ impl<'a> Stacked<'a> {
     /// # Errors
     ///
     /// [`Error::is_numerical`](crate::Error::is_numerical) when a row is not finite.
-    pub fn new(told: &[Told], mixing: &'a Mixing) -> Result<Self> {
-        let first = mixing.estimated + mixing.considered;
-        let seen = mixing.size() - first;
-        let considered: Vec<usize> = (mixing.estimated..first).collect();
-        let estimated: Vec<usize> = (0..mixing.estimated).chain(first..mixing.size()).collect();
+    pub fn new(told: &[Told], order: &'a Order) -> Result<Self> {
+        let first = order.first_seen();
+        let seen = order.size() - first;
+        let considered: Vec<usize> = (order.estimated..first).collect();
+        let estimated: Vec<usize> = (0..order.estimated).chain(first..order.size()).collect();
         let size = |t: &Told| t.scale * t.row.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
         // Large rows first, as `covariance::rows` has it.
-        let mut order: Vec<(f64, usize)> = told.iter().map(size).zip(0..).collect();
-        if !order.iter().all(|(size, _)| size.is_finite()) {
+        let mut by_size: Vec<(f64, usize)> = told.iter().map(size).zip(0..).collect();
+        if !by_size.iter().all(|(size, _)| size.is_finite()) {
             return Err(not_finite());
         }
-        order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        by_size.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let entry = |at: usize, j: usize| {
-            let Told { row, scale } = &told[order[at].1];
+            let Told { row, scale } = &told[by_size[at].1];
             row[j] * scale
         };
         let rows = told.len();
         let a = DMatrix::from_fn(rows + estimated.len(), estimated.len(), |i, j| {
             match i.checked_sub(rows) {
                 None => entry(i, estimated[j]),
-                Some(i) => f64::from(u8::from(i == j)),
+                Some(i) if i == j => order.prior[estimated[i]],
+                Some(_) => 0.0,
             }
         });
         let c = DMatrix::from_fn(rows, considered.len(), |i, j| entry(i, considered[j]));
@@ -150,7 +152,7 @@ impl<'a> Stacked<'a> {
         // The coefficients first: then a corner of the triangle is a root of P_D.
         let weighted = seen - COEFFICIENTS;
         let order_of_seen: Vec<usize> = (weighted..seen).chain(0..weighted).collect();
-        let l_f = l.rows(mixing.estimated, seen).select_rows(&order_of_seen);
+        let l_f = l.rows(order.estimated, seen).select_rows(&order_of_seen);
         let b_f = -(&l_f * &m);
         let mut both = DMatrix::zeros(estimated.len() + considered.len(), seen);
         both.rows_mut(0, estimated.len())
@@ -170,7 +172,7 @@ impl<'a> Stacked<'a> {
         let of_root = qr_of_root.q();
         let of_root = DMatrix::from_fn(of_root.nrows(), seen, |i, k| of_root[(i, last - k)]);
         let mut q = DMatrix::zeros(rows, estimated.len());
-        for (at, (_, k)) in order.iter().enumerate() {
+        for (at, (_, k)) in by_size.iter().enumerate() {
             let Told { row, scale } = &told[*k];
             if *scale > 0.0 {
                 q.set_row(*k, &(of_rows.row(at) / *scale));
@@ -182,12 +184,12 @@ impl<'a> Stacked<'a> {
         }
         let on_considered =
             DMatrix::from_fn(rows, considered.len(), |i, j| told[i].row[considered[j]]);
-        let sigma = mixing.seen_sigma();
+        let sigma = order.seen_scale();
         let pivots = std::array::from_fn(|k| COEFFICIENTS - 1 - k);
         let in_units = of_coefficients(&root, sigma, &vec![1.0; seen]);
         let covariance = Rooted::new(CovarianceRoot::new(in_units, pivots));
         Ok(Self {
-            mixing,
+            order,
             estimated,
             considered,
             l,
@@ -202,7 +204,7 @@ impl<'a> Stacked<'a> {
 
     /// Λᵀ G Λ.
     fn in_root(&self, slope: &Slope) -> DMatrix<f64> {
-        let sigma = self.mixing.seen_sigma();
+        let sigma = self.order.seen_scale();
         let of = |g: &DMatrix<f64>| self.root.transpose() * scaled(g, sigma) * &self.root;
         match slope {
             Slope::Variances(_) | Slope::InRoot(_) => {
@@ -213,8 +215,8 @@ impl<'a> Stacked<'a> {
         }
     }
 
-    /// Every row times Ē, over the columns of the shape.
-    pub fn times_adjoint<A: Single, S: Shape>(&self, ar: A, slope: &Slope) -> WideAdjoint<A, S> {
+    /// Every row times Ē.
+    pub fn times_adjoint(&self, slope: &Slope) -> Vec<Vec<f64>> {
         let k = self.in_root(slope);
         let count = self.estimated.len();
         let q_e = self.of_root.rows(0, count);
@@ -224,23 +226,35 @@ impl<'a> Stacked<'a> {
         let second = &through * &k * q_c.transpose();
         let of_estimated =
             (left * k * q_e.transpose() + &second * self.m.transpose()) * self.l.transpose();
-        let rows = (0..self.q.nrows()).map(|i| {
-            let mut of = vec![0.0; self.mixing.size()];
+        let row = |i: usize| {
+            let mut of = vec![0.0; self.order.size()];
             for (j, at) in self.estimated.iter().enumerate() {
                 of[*at] = of_estimated[(i, j)];
             }
             for (j, at) in self.considered.iter().enumerate() {
                 of[*at] = -second[(i, j)];
             }
-            let columns = self.mixing.columns_of(&of);
-            let mut row = every::<S, _>(ar.quad([0.0; 4]));
-            for q in 0..S::QUADS {
-                row[q] = ar.quad(four!(|e| columns[4 * q + e]));
-            }
-            row
-        });
-        WideAdjoint::Told(rows.collect())
+            of
+        };
+        (0..self.q.nrows()).map(row).collect()
     }
+}
+
+/// Rows over the parameters as rows over the columns of the shape.
+pub(super) fn by_columns<A: Single, S: Shape>(
+    ar: A,
+    mixing: &Mixing,
+    rows: &[Vec<f64>],
+) -> WideAdjoint<A, S> {
+    let rows = rows.iter().map(|of| {
+        let columns = mixing.columns_of(of);
+        let mut row = every::<S, _>(ar.quad([0.0; 4]));
+        for q in 0..S::QUADS {
+            row[q] = ar.quad(four!(|e| columns[4 * q + e]));
+        }
+        row
+    });
+    WideAdjoint::Told(rows.collect())
 }
 
 impl CoefficientCovariance for Stacked<'_> {
@@ -253,7 +267,7 @@ impl CoefficientCovariance for Stacked<'_> {
     fn seen(&self) -> DMatrix<f64> {
         scaled(
             &(&self.root * self.root.transpose()),
-            self.mixing.seen_sigma(),
+            self.order.seen_scale(),
         )
     }
 }

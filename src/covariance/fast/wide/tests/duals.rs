@@ -271,9 +271,10 @@ fn log_rms(model: &CovarianceModel, timeline: &Timeline, leg: usize, along: Alon
     };
     let mut gains = Own::new(Dually, &legs, &earth, &model.prior_psi);
     let chain = course::forward::<_, Catalogue>(Dually, &legs, &earth, &mut gains, &mut tape);
-    let posterior = Posterior::new(known(0.0), &mixing, &chain.e.numbers());
+    let rows = mixing.information(known(0.0), &chain.e.numbers());
+    let posterior = Posterior::new(known(0.0), &mixing.order, rows);
     // In units of the prior σ, the coefficients last.
-    let sigma = mixing.seen_sigma();
+    let sigma = mixing.order.seen_scale();
     let variance = |take: fn(Dual) -> f64| {
         let p = posterior.matrix(take);
         let of = (0..COEFFICIENTS).map(|i| p[(i, i)] * sigma[i] * sigma[i]);

@@ -1,0 +1,704 @@
+//! The way back through the legs: the reverse mode of [`super::course`].
+//!
+//! As [`super::super::adjoint`] has it for the twelve coefficients. With F = rows · Ē, V̄ and P̄ the adjoints
+//! after a dwell and X̄ = 2 F_X those before it are
+//!
+//! ```text
+//! V̄ ← Mᵀ V̄ + Yᵀ X̄,   ū = Nᵀ V̄ + Zᵀ X̄ + 2 R22ᵀ F_R,   P̄ ← Mᵀ P̄ M − sym(Mᵀ V̄ Xᵀ Y) − Yᵀ F_X Xᵀ Y,
+//! ```
+//!
+//! and of a transition T, from V and P before it, T̄ = V̄ Vᵀ + 2 P̄ T P.
+
+use super::algebra::{
+    Matrix, add_combined, difference, dots, product, pull_covariance, symmetric, times_passed,
+    transpose, transposed_product, turn_covariance, turn_rows, zeros,
+};
+use super::course::{Wanders, first_turned, on_the_way, part};
+use super::integral::integral_adjoint;
+use super::measuring::seen;
+use super::moving::Panel;
+use super::rows::{add, pull_rows, turn_blocks};
+use super::tape::{At, Channel, Step, Tape, Told, Turning};
+use super::wander::{Transition, Wander};
+use super::{Columns, Place, PlaceAdjoint};
+use crate::attitude::UP;
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
+use crate::covariance::fast::course::{Grows, LegAdjoint, Stretch};
+use crate::covariance::fast::earth::Earth;
+use crate::covariance::fast::moves::{body_rate, pull_to_angles};
+use crate::covariance::fast::square::{Entries, dot};
+
+/// The sweep on its way back.
+pub(super) struct Backward<'a, A: Arithmetic, L, O, const S: usize, const I: usize> {
+    pub ar: A,
+    pub columns: &'a Columns,
+    pub wander: &'a Wander,
+    pub legs: &'a L,
+    pub earth: &'a Earth<A::Number>,
+    pub tape: &'a Tape<A, S, I>,
+    pub told: &'a Told<A>,
+    /// Every row times Ē.
+    pub through: &'a [A::Quad],
+    /// The derivative of a relaxed measurement's weight with respect to its length.
+    pub per_weight: A::Number,
+    pub out: &'a mut [O],
+}
+
+/// Adjoints of V and P after the step at hand, and of the place where it happens.
+struct Sweep<A: Arithmetic, const S: usize> {
+    v: Vec<A::Quad>,
+    p: Matrix<A::Number, S, S>,
+    place: PlaceAdjoint<A>,
+    /// Of the place before.
+    before: PlaceAdjoint<A>,
+}
+
+/// What depends on a place at the start or the end of a step of a move: a shift by the accelerometers,
+/// an attitude.
+struct AtPlace<N> {
+    shift: N,
+    c: Entries<N>,
+}
+
+/// A place on the way, compiled once.
+struct OnTheWay<'b, 'a, A: Arithmetic, L, O, const S: usize, const I: usize> {
+    backward: &'b mut Backward<'a, A, L, O, S, I>,
+    leg: usize,
+    s: &'b Stretch<A::Number, A::Panels>,
+    end: bool,
+    adjoint: PlaceAdjoint<A>,
+}
+
+impl<A: Arithmetic, L, O, const S: usize, const I: usize> Work for OnTheWay<'_, '_, A, L, O, S, I>
+where
+    L: Wanders<A>,
+    O: LegAdjoint<A::Number>,
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        (self.backward).pull_on_the_way(self.leg, self.s, self.end, self.adjoint);
+    }
+}
+
+impl<A: Arithmetic, L, O, const S: usize, const I: usize> Backward<'_, A, L, O, S, I>
+where
+    L: Wanders<A>,
+    O: LegAdjoint<A::Number>,
+{
+    /// V as it was kept.
+    #[inline(always)]
+    fn kept(&self, at: usize) -> &[A::Quad] {
+        &self.tape.rows[at..at + S * self.columns.width]
+    }
+
+    #[inline(always)]
+    fn rows<'r>(&self, of: &'r [A::Quad], row: usize, count: usize) -> &'r [A::Quad] {
+        let width = self.columns.width;
+        &of[row * width..(row + count) * width]
+    }
+
+    #[inline(always)]
+    fn place(&self, leg: usize) -> Place<A> {
+        Place::at_rest(self.ar, self.columns, self.earth, self.legs.attitude(leg))
+    }
+
+    #[inline(always)]
+    fn nothing(&self) -> PlaceAdjoint<A> {
+        PlaceAdjoint::nothing(self.ar, self.columns)
+    }
+
+    /// Adds the derivatives of every leg to `out`, zero at first.
+    #[inline(always)]
+    pub fn run(mut self) {
+        let zero = self.ar.number(0.0);
+        let mut sweep = Sweep {
+            v: vec![self.ar.quad([zero; 4]); S * self.columns.width],
+            p: zeros(zero),
+            place: self.nothing(),
+            before: self.nothing(),
+        };
+        let mut rest = &self.tape.steps[..];
+        for leg in (0..self.legs.count()).rev() {
+            let at = self.place(leg);
+            while let Some(((of, step), earlier)) = rest.split_last() {
+                if *of != leg {
+                    break;
+                }
+                rest = earlier;
+                self.step(&mut sweep, leg, step, &at);
+            }
+            if leg == 0 {
+                self.start(&mut sweep, &at);
+            }
+            let rate = self.earth.vector();
+            let (c, _) = sweep.place.pull(self.columns, self.earth, &at, &rate);
+            let angles = pull_to_angles(&at.c, self.legs.alpha(leg), &c);
+            self.out[leg].add_angles(&angles);
+            sweep.place = std::mem::replace(&mut sweep.before, self.nothing());
+        }
+    }
+
+    /// What V and P are before anything is measured.
+    #[inline(always)]
+    fn start(&self, sweep: &mut Sweep<A, S>, at: &Place<A>) {
+        let (columns, two) = (self.columns, self.ar.number(2.0));
+        sweep
+            .place
+            .add_shift(columns, &sweep.v, self.ar.number(1.0));
+        if columns.walked.is_empty() {
+            return;
+        }
+        let first = 3 * columns.width;
+        let of_walked = &sweep.v[first..2 * first];
+        sweep
+            .place
+            .add_columns(columns, &columns.walked, of_walked, at);
+        // Of C D Cᵀ.
+        for i in 0..3 {
+            for k in 0..3 {
+                let sigma = self.ar.number(columns.walked_sigma[k]);
+                let mut sum = sweep.p[3 + i][3] * at.c[0][k];
+                for j in 1..3 {
+                    sum = sweep.p[3 + i][3 + j].mul_add(at.c[j][k], sum);
+                }
+                let to = &mut sweep.place.c[i][k];
+                *to = (sum * two).mul_add(sigma * sigma, *to);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, sweep: &mut Sweep<A, S>, leg: usize, step: &Step<A::Number>, at: &Place<A>) {
+        let width = self.columns.width;
+        match step {
+            Step::Dwell { .. } => self.dwell(sweep, step),
+            Step::Pass { t, gamma } => {
+                let gamma = transpose(&self.tape.small[*gamma]);
+                add_combined(self.ar, &mut sweep.place.drift, &gamma, &sweep.v, width);
+                self.pass(sweep, &self.tape.passed[*t]);
+            }
+            Step::Length { v, p } => {
+                let slope = self.length_adjoint(sweep, *v, *p, at);
+                self.out[leg].add_dwell(slope);
+            }
+            Step::Measure { grows, ratio, .. } => {
+                let slope = self.measure(sweep, leg, step);
+                self.add_weight(leg, slope * self.ar.number(*ratio), *grows);
+            }
+            Step::Vertical { row, grows, index } => {
+                self.vertical(sweep, leg, (*row, *grows), *index);
+            }
+            Step::Moved { .. } => self.moved(sweep, leg, step, at),
+            Step::Panel { .. } => self.panel(sweep, leg, step),
+            Step::Turn { .. } => self.turn(sweep, leg, step, at),
+            Step::Arrive(index) => self.shifted(sweep, leg, *index, true),
+            Step::Leave(index) => self.shifted(sweep, leg, *index, false),
+            Step::Pin { root, row } => self.pin(sweep, *root, *row),
+        }
+    }
+
+    /// Adds the derivative with respect to a measurement's weight.
+    #[inline(always)]
+    fn add_weight(&mut self, leg: usize, adjoint: A::Number, grows: Grows<A::Number>) {
+        let slope = adjoint * self.per_weight;
+        match grows {
+            Grows::WithMove(one) => self.out[leg].add_move(slope * one),
+            Grows::WithDwell => self.out[leg].add_dwell(slope),
+        }
+    }
+
+    #[inline(always)]
+    fn pin(&self, sweep: &mut Sweep<A, S>, root: usize, row: usize) {
+        let width = self.columns.width;
+        let root = &self.tape.small[root];
+        let (x, through) = (
+            self.rows(&self.told.rows, row, 3),
+            self.rows(self.through, row, 3),
+        );
+        let mut twice = through.to_vec();
+        for row in &mut twice {
+            *row = row.plus(*row);
+        }
+        add_combined(
+            self.ar,
+            &mut sweep.v[3 * width..],
+            &transpose(root),
+            &twice,
+            width,
+        );
+        let told: Matrix<A::Number, 3, 3> = dots(self.ar, through, x, width);
+        let of_p = symmetric(&transposed_product(
+            self.ar,
+            root,
+            &product(self.ar, &told, root),
+        ));
+        for i in 0..3 {
+            for j in 0..3 {
+                sweep.p[3 + i][3 + j] = sweep.p[3 + i][3 + j] - of_p[i][j];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn dwell(&self, sweep: &mut Sweep<A, S>, step: &Step<A::Number>) {
+        let Step::Dwell { y, z, r22, row } = *step else {
+            return;
+        };
+        let (y, m) = (&self.tape.states[y], &self.tape.states[y + 1]);
+        let (z, n) = (&self.tape.inputs[z], &self.tape.inputs[z + 1]);
+        let r22 = &self.tape.told[r22];
+        let width = self.columns.width;
+        let x = self.rows(&self.told.rows, row, S);
+        let through = self.rows(self.through, row, S);
+        let mut twice = self.rows(self.through, row, S + I).to_vec();
+        for row in &mut twice {
+            *row = row.plus(*row);
+        }
+        let (twice, second) = twice.split_at(S * width);
+        let nothing = self.ar.quad([self.ar.number(0.0); 4]);
+        let mut inputs = vec![nothing; I * width];
+        add_combined(self.ar, &mut inputs, &transpose(n), &sweep.v, width);
+        add_combined(self.ar, &mut inputs, &transpose(z), twice, width);
+        add_combined(self.ar, &mut inputs, &transpose(r22), second, width);
+        sweep.place.add_inputs(&inputs, width);
+
+        let d1: Matrix<A::Number, S, S> = dots(self.ar, &sweep.v, x, width);
+        let d2: Matrix<A::Number, S, S> = dots(self.ar, through, x, width);
+        let inside = difference(&product(self.ar, &sweep.p, m), &product(self.ar, &d1, y));
+        let told = transposed_product(self.ar, y, &product(self.ar, &d2, y));
+        sweep.p = symmetric(&difference(&transposed_product(self.ar, m, &inside), &told));
+
+        turn_rows(self.ar, &transpose(m), &mut sweep.v, width);
+        add_combined(self.ar, &mut sweep.v, &transpose(y), twice, width);
+    }
+
+    #[inline(always)]
+    fn pass(&self, sweep: &mut Sweep<A, S>, t: &Transition<A::Number, S>) {
+        pull_rows(&t.top, &t.kept, &mut sweep.v, self.columns.width);
+        sweep.p = pull_covariance(self.ar, &t.top, &t.kept, &sweep.p);
+    }
+
+    /// T̄ of ψ's rows.
+    #[inline(always)]
+    fn of_transition(
+        &self,
+        sweep: &Sweep<A, S>,
+        t: &Transition<A::Number, S>,
+        (v, p): (usize, usize),
+    ) -> Matrix<A::Number, 3, S> {
+        let two = self.ar.number(2.0);
+        let width = self.columns.width;
+        let mut of: Matrix<A::Number, 3, S> = dots(self.ar, &sweep.v, self.kept(v), width);
+        let mut rows = zeros::<_, 3, S>(self.ar.number(0.0));
+        rows.copy_from_slice(&sweep.p[..3]);
+        let through = times_passed(&rows, &t.top, &t.kept);
+        let by_p = product(self.ar, &through, &self.tape.states[p]);
+        for i in 0..3 {
+            for j in 0..S {
+                of[i][j] = by_p[i][j].mul_add(two, of[i][j]);
+            }
+        }
+        of
+    }
+
+    /// q̄, of the turn of all blocks from `first` on.
+    #[inline(always)]
+    fn of_turn(
+        &self,
+        sweep: &Sweep<A, S>,
+        (q, first): (&Entries<A::Number>, usize),
+        (v, p): (usize, usize),
+    ) -> Entries<A::Number> {
+        let (zero, two) = (self.ar.number(0.0), self.ar.number(2.0));
+        let width = self.columns.width;
+        let (v, p) = (self.kept(v), &self.tape.states[p]);
+        let mut of = [[zero; 3]; 3];
+        for block in (first..S).step_by(3) {
+            let by_v: Entries<A::Number> = dots(
+                self.ar,
+                &sweep.v[block * width..],
+                &v[block * width..],
+                width,
+            );
+            for i in 0..3 {
+                // Row i of P̄ T.
+                let mut row = sweep.p[block + i];
+                for at in (first..S).step_by(3) {
+                    let from = three!(|k| sweep.p[block + i][at + k]);
+                    for j in 0..3 {
+                        row[at + j] = dot(&from, &three!(|k| q[k][j]));
+                    }
+                }
+                for j in 0..3 {
+                    let mut by_p = zero;
+                    for k in 0..S {
+                        by_p = row[k].mul_add(p[k][block + j], by_p);
+                    }
+                    of[i][j] = of[i][j] + by_p.mul_add(two, by_v[i][j]);
+                }
+            }
+        }
+        of
+    }
+
+    /// The derivative with respect to the length of a time without a measurement, at its end:
+    /// d/dt (V, P) = (F V + A', F P + P Fᵀ + Q), F of ψ what the Earth's rotation and the drift do, of the
+    /// other blocks −λ.
+    #[inline(always)]
+    fn length_adjoint(&self, sweep: &Sweep<A, S>, v: usize, p: usize, at: &Place<A>) -> A::Number {
+        let two = self.ar.number(2.0);
+        let [f02, f12] = self.earth.system();
+        let width = self.columns.width;
+        let (v, p) = (self.kept(v), &self.tape.states[p]);
+        let of_psi: Matrix<A::Number, 3, 3> = dots(self.ar, &sweep.v, v, width);
+        let bar = &sweep.p;
+        let row_dot = |i: usize, j: usize| {
+            let mut sum = bar[i][0] * p[j][0];
+            for k in 1..S {
+                sum = bar[i][k].mul_add(p[j][k], sum);
+            }
+            sum
+        };
+        let turning = [
+            of_psi[0][2] - of_psi[2][0] + (row_dot(0, 2) - row_dot(2, 0)) * two,
+            of_psi[1][2] - of_psi[2][1] + (row_dot(1, 2) - row_dot(2, 1)) * two,
+        ];
+        let [[drift]] = dots::<_, 1, 1>(self.ar, &sweep.v, &at.drift, 3 * width);
+        let mut sum = (bar[0][0] + bar[1][1] + bar[2][2]).mul_add(self.earth.drift_psd(), drift);
+        for (block, slot) in self.wander.slots.iter().enumerate() {
+            let block = 3 + 3 * block;
+            let (decay, psd) = (self.ar.number(-slot.decay), self.ar.number(slot.psd));
+            for i in 0..3 {
+                let j = block + i;
+                let of = &v[j * width..];
+                if slot.drives {
+                    let [[by_v]] = dots::<_, 1, 1>(self.ar, &sweep.v[i * width..], of, width);
+                    sum = sum + row_dot(i, j).mul_add(two, by_v);
+                }
+                let [[by_v]] = dots::<_, 1, 1>(self.ar, &sweep.v[j * width..], of, width);
+                sum = row_dot(j, j).mul_add(two, by_v).mul_add(decay, sum);
+                sum = bar[j][j].mul_add(psd, sum);
+            }
+        }
+        f02.mul_add(turning[0], f12.mul_add(turning[1], sum))
+    }
+
+    /// Takes a measurement back; returns the derivative with respect to its weight.
+    ///
+    /// With ω = w/s: ḡ_i = −V̄_i yᵀ, ω̄ = F yᵀ + ḡ·p − pᵀ P̄ p, p̄ = ω ḡ − 2 ω P̄ p − ω² ω̄ hᵀ and
+    /// ȳ = 2 ω F − ω Σ p_i V̄_i; dω/dw = s⁻², so that nothing is singular at w = 0.
+    #[inline(always)]
+    fn measure(
+        &mut self,
+        sweep: &mut Sweep<A, S>,
+        leg: usize,
+        step: &Step<A::Number>,
+    ) -> A::Number {
+        let Step::Measure {
+            channel,
+            column,
+            weight,
+            s,
+            row,
+            index,
+            ..
+        } = *step
+        else {
+            return self.ar.number(0.0);
+        };
+        let (half, two) = (self.ar.number(0.5), self.ar.number(2.0));
+        let column = &self.tape.columns[column];
+        let width = self.columns.width;
+        let share = weight / s;
+        let h = seen::<A, S>(self.ar, self.wander, channel);
+        let y = self.rows(&self.told.rows, row, 1);
+        let through = self.rows(self.through, row, 1);
+        let gains = dots::<_, S, 1>(self.ar, &sweep.v, y, width);
+        let [[mut of_share]] = dots::<_, 1, 1>(self.ar, through, y, width);
+        let mut of_column = [of_share; S];
+        for i in 0..S {
+            let mut of_p = sweep.p[i][0] * column[0];
+            for k in 1..S {
+                of_p = sweep.p[i][k].mul_add(column[k], of_p);
+            }
+            let of = -(gains[i][0] + of_p);
+            of_share = of_share + of * column[i];
+            of_column[i] = share * (of - of_p);
+        }
+        let mut of_y = Vec::with_capacity(width);
+        for q in 0..width {
+            let mut sum = through[q].times(two);
+            for i in 0..S {
+                sum = sweep.v[i * width + q].times_add(-column[i], sum);
+            }
+            of_y.push(sum.times(share));
+        }
+        let less = share * share * of_share;
+        for j in 0..S {
+            if let Some(h) = h[j] {
+                of_column[j] = of_column[j] - less * h;
+            }
+        }
+        for j in 0..S {
+            let Some(h) = h[j] else { continue };
+            add(&mut sweep.v[j * width..(j + 1) * width], h, &of_y);
+            for i in 0..S {
+                let of = half * h * of_column[i];
+                sweep.p[i][j] = sweep.p[i][j] + of;
+                sweep.p[j][i] = sweep.p[j][i] + of;
+            }
+        }
+        if channel == Channel::Vertical && !sweep.place.output.is_empty() {
+            self.add_up(sweep, leg, index, self.ar.number(1.0), &of_y);
+        }
+        of_share / (s * s)
+    }
+
+    /// Takes the vertical channel of a measurement back.
+    #[inline(always)]
+    fn vertical(
+        &mut self,
+        sweep: &mut Sweep<A, S>,
+        leg: usize,
+        (row, grows): (usize, Option<Grows<A::Number>>),
+        index: At,
+    ) {
+        let width = self.columns.width;
+        let through = self.rows(self.through, row, 1);
+        let twice = self.told.weights[row] * self.ar.number(2.0);
+        if let Some(grows) = grows {
+            let [[slope]] =
+                dots::<_, 1, 1>(self.ar, through, self.rows(&self.told.rows, row, 1), width);
+            self.add_weight(leg, slope, grows);
+        }
+        self.add_up(sweep, leg, index, twice, through);
+    }
+
+    /// Adds to the adjoint of what the vertical channel shows at the end of a stretch, or at a position.
+    #[inline(always)]
+    fn add_up(
+        &mut self,
+        sweep: &mut Sweep<A, S>,
+        leg: usize,
+        index: At,
+        factor: A::Number,
+        of: &[A::Quad],
+    ) {
+        let width = self.columns.width;
+        let up = UP * width..(UP + 1) * width;
+        match index {
+            Some(index) if index + 1 < self.legs.stretches(leg) => {
+                let s = self.legs.stretch(leg, index);
+                let mut adjoint = self.nothing();
+                add(&mut adjoint.output[up], factor, of);
+                self.add_on_the_way(leg, &s, true, adjoint);
+            }
+            _ => add(&mut sweep.place.output[up], factor, of),
+        }
+    }
+
+    /// Adds the adjoint of a place on the way to the angles at both ends and the duration.
+    #[inline(always)]
+    fn add_on_the_way(
+        &mut self,
+        leg: usize,
+        s: &Stretch<A::Number, A::Panels>,
+        end: bool,
+        adjoint: PlaceAdjoint<A>,
+    ) {
+        let ar = self.ar;
+        ar.always_apart(OnTheWay {
+            backward: self,
+            leg,
+            s,
+            end,
+            adjoint,
+        });
+    }
+
+    #[inline(always)]
+    fn pull_on_the_way(
+        &mut self,
+        leg: usize,
+        s: &Stretch<A::Number, A::Panels>,
+        end: bool,
+        mut adjoint: PlaceAdjoint<A>,
+    ) {
+        let (place, fraction, alpha) = on_the_way(self.ar, self.columns, self.earth, s, end);
+        let (c, _) = adjoint.pull(self.columns, self.earth, &place, &self.earth.vector());
+        let angles = pull_to_angles(&place.c, alpha, &c);
+        let change = three!(|i| angles[i] * fraction);
+        self.out[leg].add_angles(&change);
+        self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));
+        // The place is at a time, and the angles there change by their rates.
+        self.out[leg].add_move(-(dot(&s.turn.change, &change) / s.turn.duration_s));
+    }
+
+    /// Adds what depends on the place where a stretch starts or ends; none: where the position before was
+    /// left, or this one reached.
+    #[inline(always)]
+    fn add_at(
+        &mut self,
+        sweep: &mut Sweep<A, S>,
+        leg: usize,
+        (index, end): (At, bool),
+        of: &AtPlace<A::Number>,
+    ) {
+        let columns = self.columns;
+        let at_position = match (index, end) {
+            (None, _) => true,
+            (Some(index), false) => index == 0,
+            (Some(index), true) => index + 1 >= self.legs.stretches(leg),
+        };
+        let mut adjoint = match (at_position, end) {
+            (true, true) => std::mem::replace(&mut sweep.place, PlaceAdjoint::none(self.ar)),
+            (true, false) => std::mem::replace(&mut sweep.before, PlaceAdjoint::none(self.ar)),
+            (false, _) => self.nothing(),
+        };
+        adjoint.add_shift(columns, &sweep.v, of.shift);
+        for i in 0..3 {
+            for j in 0..3 {
+                adjoint.c[i][j] = adjoint.c[i][j] + of.c[i][j];
+            }
+        }
+        match (at_position, end, index) {
+            (true, true, _) => sweep.place = adjoint,
+            (true, false, _) => sweep.before = adjoint,
+            (false, _, Some(index)) => {
+                let s = self.legs.stretch(leg, index);
+                self.add_on_the_way(leg, &s, end, adjoint);
+            }
+            (false, _, None) => {}
+        }
+    }
+
+    #[inline(always)]
+    fn shifted(&mut self, sweep: &mut Sweep<A, S>, leg: usize, index: At, end: bool) {
+        let (zero, one) = (self.ar.number(0.0), self.ar.number(1.0));
+        if !self.columns.has_accelerometers() {
+            return;
+        }
+        let present = match index {
+            Some(index) => self.legs.stretch(leg, index).present,
+            None => one,
+        };
+        let of = AtPlace {
+            shift: if end { present } else { -present },
+            c: [[zero; 3]; 3],
+        };
+        self.add_at(sweep, leg, (index, end), &of);
+    }
+
+    #[inline(always)]
+    fn moved(
+        &mut self,
+        sweep: &mut Sweep<A, S>,
+        leg: usize,
+        step: &Step<A::Number>,
+        at: &Place<A>,
+    ) {
+        let Step::Moved { index, v, p } = *step else {
+            return;
+        };
+        let (ar, columns, earth) = (self.ar, self.columns, self.earth);
+        let s = self.legs.stretch(leg, index);
+        // While the platform still turns.
+        let alpha = self.legs.alpha(leg);
+        let rate = body_rate(&at.c, alpha, &earth.vector(), &s.turn.rates());
+        let turning = Place::new(ar, columns, earth, at.c, &rate);
+        let length = self.length_adjoint(sweep, v, p, &turning) * s.last;
+        let of = columns.collected(ar, &sweep.v[..3 * columns.width]);
+        let b = integral_adjoint(ar, columns, earth, &s.turn, &s.interval, &s.panels, &of);
+        // A move without duration has none to change.
+        self.out[leg].add_move((b.duration + length) * s.turn.time);
+        self.out[leg].add_angles(&b.change);
+        self.out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
+    }
+
+    #[inline(always)]
+    fn panel(&mut self, sweep: &mut Sweep<A, S>, leg: usize, step: &Step<A::Number>) {
+        let Step::Panel {
+            index,
+            panel,
+            t,
+            v,
+            p,
+        } = *step
+        else {
+            return;
+        };
+        let s = self.legs.stretch(leg, index);
+        let (_, count) = self.legs.panels(leg, index);
+        let t = &self.tape.passed[t];
+        let of_transition = self.of_transition(sweep, t, (v, p));
+        let at = Panel::new(self.earth, &s.turn, &part(&s, panel, count));
+        let (from, change) = at.pull(&self.wander.slots, &of_transition, &sweep.p);
+        self.out[leg].add_angles(&change);
+        self.out[leg - 1].add_angles(&three!(|i| from[i] - change[i]));
+        let of_duration = -(dot(&s.turn.change, &change) / s.turn.duration_s);
+        self.out[leg].add_move(of_duration * s.turn.time);
+        self.pass(sweep, t);
+    }
+
+    #[inline(always)]
+    fn turn(&mut self, sweep: &mut Sweep<A, S>, leg: usize, step: &Step<A::Number>, at: &Place<A>) {
+        let Step::Turn {
+            at: index,
+            kind,
+            q,
+            v,
+            p,
+        } = *step
+        else {
+            return;
+        };
+        let zero = self.ar.number(0.0);
+        let (q, first) = (&self.tape.small[q], first_turned(index));
+        let turns = self.legs.turns(leg);
+        let of_q = self.of_turn(sweep, (q, first), (v, p));
+        let of_q = three!(|i| three!(|j| of_q[i][j] * turns));
+        let (start, end) = self.ends(leg, index, at);
+        // q is C₂ C₁ᵀ, C₁ᵀ or C₂.
+        let (of_start, of_end) = match kind {
+            Turning::Across => (
+                Some(transposed_product(self.ar, &of_q, &end)),
+                Some(product(self.ar, &of_q, &start)),
+            ),
+            Turning::Into => (Some(transpose(&of_q)), None),
+            Turning::OutOf => (None, Some(of_q)),
+        };
+        for (of, is_end) in [(of_start, false), (of_end, true)] {
+            if let Some(c) = of {
+                let of = AtPlace { shift: zero, c };
+                self.add_at(sweep, leg, (index, is_end), &of);
+            }
+        }
+        let back = transpose(q);
+        turn_blocks::<_, S>(&back, first, &mut sweep.v, self.columns.width);
+        sweep.p = turn_covariance(self.ar, &back, first, &sweep.p);
+    }
+
+    /// The attitudes where a stretch starts and ends.
+    #[inline(always)]
+    fn ends(
+        &self,
+        leg: usize,
+        index: At,
+        at: &Place<A>,
+    ) -> (Entries<A::Number>, Entries<A::Number>) {
+        let on_way = |index: usize, end: bool| {
+            let s = self.legs.stretch(leg, index);
+            on_the_way(self.ar, self.columns, self.earth, &s, end).0.c
+        };
+        let start = match index {
+            Some(index) if index > 0 => on_way(index, false),
+            _ => self.legs.attitude(leg - 1),
+        };
+        let end = match index {
+            Some(index) if index + 1 < self.legs.stretches(leg) => on_way(index, true),
+            _ => at.c,
+        };
+        (start, end)
+    }
+}
