@@ -90,6 +90,7 @@
 //! repeats that until the estimate stays (Gauss–Newton). It forgets what early, wrong points of
 //! linearisation did to the extended filter.
 
+mod belief;
 mod channels;
 pub mod consistency;
 pub mod divergence;
@@ -99,10 +100,12 @@ mod instruments;
 pub mod judgement;
 mod linear;
 mod monte_carlo;
+mod normal;
 mod options;
 mod program;
 pub mod specification;
 mod square_root;
+mod states;
 mod sweep;
 mod trajectory;
 mod truth;
@@ -125,8 +128,9 @@ use crate::error::Result;
 use crate::motion::Timeline;
 use crate::platform::Platform;
 
+use belief::Belief;
 use ekf::ExtendedFilter;
-use filter::{Belief, Filter};
+use filter::Filter;
 use linear::{LinearFilter, LinearGains};
 use program::Program;
 use truth::{Start, TrueNoise, TruthRecord};

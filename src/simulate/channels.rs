@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 
 use crate::attitude::{EAST, NORTH, UP};
 
-use super::program::Drive;
+use super::states::Drive;
 
 /// One scalar measurement: what it sees of the states.
 #[derive(Debug, Clone)]

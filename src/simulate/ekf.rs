@@ -5,12 +5,14 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::attitude::{EAST, GRAVITY_N, NORTH, UP};
 use crate::units::ARCSEC_PER_RAD;
 
+use super::belief::{Belief, State, Taken};
 use super::channels::{Channel, SEEN_OF_PSI};
-use super::filter::{Belief, State, Taken};
 use super::instruments::Instruments;
-use super::program::{DriftInterval, LinearTransition, Program};
+use super::program::{DriftInterval, Program};
 use super::square_root::Knowledge;
+use super::states::LinearTransition;
 use super::truth::{Direction, Disturbance, Measured, azimuth_of, turned};
+use super::wander::linear_transition;
 
 /// A platform as it is believed to be: what a filter is linearised about.
 #[derive(Debug, Clone)]
@@ -185,7 +187,7 @@ impl<'a> ExtendedFilter<'a> {
         let gamma = identity + fh * 0.5;
         let b = gamma * a * interval.span();
         let wandering = belief.wandering.as_ref();
-        LinearTransition::new(identity + fh * gamma, b, interval.length_s, wandering)
+        linear_transition(wandering, identity + fh * gamma, b, interval.length_s)
     }
 
     /// Takes what is measured at the end of `interval`.

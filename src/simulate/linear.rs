@@ -4,10 +4,11 @@ use nalgebra::Vector3;
 
 use crate::units::ARCSEC_PER_RAD;
 
+use super::belief::{AZIMUTH, Belief, State, Taken};
 use super::channels::{Channel, SEEN_OF_PSI};
-use super::filter::{AZIMUTH, Belief, State, Taken};
 use super::program::{DriftInterval, Program};
-use super::square_root::{Knowledge, ScalarGain, Shape};
+use super::square_root::{Knowledge, ScalarGain};
+use super::states::Shape;
 use super::truth::Measured;
 
 /// The gains of the linear filter: the same for every run of a test.

@@ -12,7 +12,8 @@ use crate::units::Angle;
 
 use super::consistency::{Consistency, rms_ratio_bounds};
 use super::divergence::{Divergence, RunSquares};
-use super::square_root::{Knowledge, Nees, Shape, SquareRoot};
+use super::square_root::{Knowledge, Nees, SquareRoot};
+use super::states::Shape;
 use super::{InitialTruth, Nis, Simulation, stream};
 
 /// Most runs of a Monte Carlo experiment.

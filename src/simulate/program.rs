@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Matrix3xX, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::Attitude;
 use crate::covariance::selection::{Mixing, Selection};
@@ -13,7 +13,8 @@ use crate::error::{Error, Result};
 use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
 
-use super::wander::{Fading, Wandering};
+use super::states::{Drive, LinearTransition};
+use super::wander::{Wandering, linear_transition};
 
 /// Most intervals of a simulated test: each is kept in memory, with the filter's gains.
 pub const MAX_INTERVALS: f64 = 500_000.0;
@@ -26,9 +27,6 @@ const LONGEST_S: f64 = 50.0;
 /// degree of A in the angles. With φ that phase the error is about φ⁴/2880 of the drift's effect in a
 /// move, 6e-7; A of the twelve coefficients is of degree 2, with quadratic drift of degree 3.
 const LARGEST_PHASE_RAD: f64 = 0.2;
-
-/// Three rows on the parameters, estimated and considered.
-pub(super) type Drive = Matrix3xX<f64>;
 
 /// One interval: constant random drift, and a measurement at its end or none. A move that takes no
 /// time is one of no length, in which the torquers alone turn the platform.
@@ -90,31 +88,6 @@ impl DriftInterval {
     /// C_c^n at the end.
     pub fn end_attitude(&self) -> &Attitude {
         self.attitude(usize::MAX)
-    }
-}
-
-/// Φ and B of the linear model over an interval: ψ^n ← Φ ψ^n + B D, D the estimated parameters, what
-/// wanders, and the considered parameters.
-#[derive(Debug, Clone)]
-pub(super) struct LinearTransition {
-    pub phi: Matrix3<f64>,
-    /// In arcsec per unit of each parameter.
-    pub b: Drive,
-    /// What becomes of what wanders; none: nothing wanders, or no time passes.
-    pub fading: Option<Fading>,
-}
-
-impl LinearTransition {
-    /// Over an interval of that length, with B of the parameters.
-    pub fn new(phi: Matrix3<f64>, b: Drive, length_s: f64, wandering: Option<&Wandering>) -> Self {
-        match wandering {
-            Some(wandering) => wandering.transition(phi, &b, length_s),
-            None => Self {
-                phi,
-                b,
-                fading: None,
-            },
-        }
     }
 }
 
@@ -401,7 +374,7 @@ impl ProgramBuilder<'_> {
 
     fn transition(&mut self, length_s: f64, b: Drive) -> usize {
         let phi = self.dynamics.transition(length_s);
-        let transition = LinearTransition::new(phi, b, length_s, self.wandering);
+        let transition = linear_transition(self.wandering, phi, b, length_s);
         self.program.transitions.push(transition);
         self.program.transitions.len() - 1
     }

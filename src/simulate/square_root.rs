@@ -20,8 +20,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use crate::drift::COEFFICIENTS;
 
 use super::channels::Channel;
-use super::program::{Drive, LinearTransition};
-use super::wander::Fading;
+use super::states::{Drive, Fading, LinearTransition, Shape};
 
 /// The gain of one scalar measurement, the 1σ of its innovation as the filter has it, and what 1σ of
 /// each considered parameter adds to that.
@@ -42,41 +41,6 @@ pub(super) struct Nees {
     pub parameter_dof: usize,
     pub states: f64,
     pub state_dof: usize,
-}
-
-/// What the states are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
-    /// The estimated parameters.
-    pub parameters: usize,
-    /// Components of what wanders.
-    pub wandering: usize,
-    /// Whether the first three of these are the random walk of the drift.
-    pub has_walk: bool,
-}
-
-impl Shape {
-    /// All of them.
-    pub fn states(&self) -> usize {
-        self.psi() + 3
-    }
-
-    /// Where ψ^n starts.
-    pub fn psi(&self) -> usize {
-        self.parameters + self.wandering
-    }
-
-    /// Of numbers of all states those that are reported, (D, ψ^n): D_F is the drift of the moment, its
-    /// constant part and what the random walk has come to.
-    pub fn reported(&self, all: &[f64]) -> Vec<f64> {
-        let mut reported = all[..self.parameters].to_vec();
-        if self.has_walk {
-            let walked = &all[self.parameters..self.parameters + 3];
-            reported.iter_mut().zip(walked).for_each(|(d, w)| *d += w);
-        }
-        reported.extend(&all[self.psi()..]);
-        reported
-    }
 }
 
 /// U of P = Uᵀ U.

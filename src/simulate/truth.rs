@@ -9,9 +9,10 @@ use crate::attitude::{Attitude, EAST, GRAVITY_N, NORTH, UP};
 use crate::units::{ARCSEC_PER_RAD, Angle};
 
 use super::instruments::Instruments;
+use super::normal::normal3;
 use super::options::TruthModel;
 use super::program::{DriftInterval, Program};
-use super::square_root::Shape;
+use super::states::Shape;
 use super::wander::{TrueWandering, Wandering};
 
 /// Which way time runs.
@@ -304,11 +305,6 @@ pub(super) struct TruthRecord {
     wandered: Vec<f64>,
     /// Whether a random walk of the drift is the first of it.
     has_walk: bool,
-}
-
-/// Three independent standard normal numbers.
-pub(super) fn normal3(random: &mut ChaCha8Rng) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| StandardNormal.sample(random))
 }
 
 impl TruthRecord {

@@ -16,9 +16,8 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
-use super::program::{Drive, LinearTransition};
-use super::square_root::Shape;
-use super::truth::normal3;
+use super::normal::normal3;
+use super::states::{Drive, Fading, LinearTransition, Shape};
 use crate::model::{Colour, Markov};
 use crate::platform::Platform;
 use crate::units::ARCSEC_PER_RAD;
@@ -102,20 +101,20 @@ pub(super) struct Wandering {
     biases: Vec<Process>,
 }
 
-/// What the states do over an interval beside what the parameters do to ψ^n: each fades, and noise comes
-/// to them and to ψ^n.
-#[derive(Debug, Clone)]
-pub(super) struct Fading {
-    pub kept: Vec<f64>,
-    /// Rows of unit noise on (d, b, ψ^n).
-    pub noise: DMatrix<f64>,
-}
-
-impl Fading {
-    /// What becomes of states that wander, but for the noise.
-    pub fn fade(&self, states: &mut [f64]) {
-        let kept = states.iter_mut().zip(&self.kept);
-        kept.for_each(|(state, kept)| *state *= kept);
+/// Φ and B of an interval of that length, with B of the parameters, for a filter that knows of `wandering`.
+pub(super) fn linear_transition(
+    wandering: Option<&Wandering>,
+    phi: Matrix3<f64>,
+    b: Drive,
+    length_s: f64,
+) -> LinearTransition {
+    match wandering {
+        Some(wandering) => wandering.transition(phi, &b, length_s),
+        None => LinearTransition {
+            phi,
+            b,
+            fading: None,
+        },
     }
 }
 
@@ -164,7 +163,7 @@ impl Wandering {
     }
 
     /// What becomes of ψ^n and of the states in an interval: ψ^n ← Φ ψ^n + B D.
-    pub fn transition(&self, phi: Matrix3<f64>, b: &Drive, length_s: f64) -> LinearTransition {
+    fn transition(&self, phi: Matrix3<f64>, b: &Drive, length_s: f64) -> LinearTransition {
         LinearTransition {
             phi,
             b: self.driving(b, length_s),

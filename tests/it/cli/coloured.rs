@@ -117,7 +117,7 @@ fn schedules_are_searched_for_with_it() {
         ([walk, markov].concat(), &["accuracy"]),
         ([walk, biases].concat(), &["accuracy"]),
     ] {
-        desk.write("short.toml", &[&wandering, short].concat());
+        desk.write("short.toml", [&wandering, short].concat());
         for mode in modes {
             let text = desk.done(&["search", "short.toml", "--mode", mode]);
             assert!(
@@ -132,15 +132,9 @@ fn schedules_are_searched_for_with_it() {
 #[test]
 fn more_positions_are_tried_where_drift_wanders() {
     let desk = desk();
+    let quick = "[search]\nstarts = 1\n[objective]\ntotal_time_s = 700\n";
     let of = |toml: &str| {
-        desk.write(
-            "quick.toml",
-            &[
-                toml,
-                "[search]\nstarts = 1\n[objective]\ntotal_time_s = 700\n",
-            ]
-            .concat(),
-        );
+        desk.write("quick.toml", [toml, quick].concat());
         let run = desk.run(&["search", "quick.toml"]);
         let most =
             desk.json("scheme-opt-out/result.json")["inputs"]["search"]["max_positions"].as_u64();
