@@ -20,7 +20,8 @@ fn the_embedded_file_says_the_defaults() {
             "gimbals.beta_deg",
             "gimbals.gamma_deg",
             "gimbals.step_deg",
-            "motion.slew_rate_deg_per_s"
+            "motion.slew_rate_deg_per_s",
+            "search.max_positions"
         ]
     );
     source.check().unwrap();
