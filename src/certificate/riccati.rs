@@ -19,10 +19,13 @@ use crate::model::Colour;
 const SHORT: f64 = 1.0 / 16.0;
 const TERMS: u32 = 13;
 
-/// Of how many parts of a cell the covariance is looked at within: the walk may not add more than this
-/// part of its steady variance in one, as far as that many parts allow.
+/// How often the covariance is looked at within a stretch: the walk may not add more than this part of
+/// its steady variance between two looks, as far as that many allow.
 const PART: f64 = 1e-3;
-const MOST_PARTS: u32 = 1 << 10;
+const MOST_PARTS: u32 = 16;
+/// How closely, and by how many doublings of a stretch, its steady covariance is approached.
+const STEADY: f64 = 1e-6;
+const TO_STEADY: usize = 40;
 
 /// Prior variance relative to what the test leaves without wandering, beyond which it is cut: more
 /// would cost digits, and a smaller prior only lowers the bound.
@@ -52,15 +55,20 @@ pub(super) fn least_variance(
         let parts = parts(walk, length_s, rate);
         let step = length_s / f64::from(parts);
         let map = Map::over(colour, rate, step);
+        let floor = match walk > 0.0 {
+            true => map.floor(&p, colour.markov.is_some()),
+            false => 0.0,
+        };
+        let mut within = f64::INFINITY;
         for _ in 0..parts {
             p = map.of(&p);
-            // Between two looks x wins at most the walk's K² a second.
-            let within = p[(0, 0)] - walk * step;
-            if within.is_nan() || within <= 0.0 {
+            if !(p[(0, 0)] > 0.0 && p[(0, 0)].is_finite()) {
                 return 0.0;
             }
-            least = least.min(within);
+            // Between two looks x wins at most the walk's K² a second.
+            within = within.min(p[(0, 0)] - walk * step);
         }
+        least = least.min(within.max(floor));
     }
     least
 }
@@ -123,6 +131,38 @@ impl Map {
             b: symmetric(self.b + turned * self.b * self.phi.transpose()),
             g: symmetric(self.g + self.phi.transpose() * self.g * inverse * self.phi),
         }
+    }
+
+    /// What the variance of x does not fall below, from P on and as long as j is what it is. Where P ⪰ cS,
+    /// c ≤ 1, with S = B(s) for any s, which grows from S on, so does what starts from cS: its
+    /// derivative there is c Ṡ + (1 − c)(W + c j S h hᵀ S).
+    fn floor(&self, p: &Matrix2<f64>, of_both: bool) -> f64 {
+        let steady = self.steady();
+        let (own, other) = (steady[(0, 0)], steady[(1, 1)]);
+        let share = if of_both {
+            // The smaller root of det(P − cS).
+            let (square, fixed) = (steady.determinant(), p.determinant());
+            let middle = p[(0, 0)] * other + p[(1, 1)] * own - 2.0 * p[(0, 1)] * steady[(0, 1)];
+            let root = (middle * middle - 4.0 * square * fixed).max(0.0).sqrt();
+            2.0 * fixed / (middle + root)
+        } else {
+            p[(0, 0)] / own
+        };
+        share.clamp(0.0, 1.0) * own
+    }
+
+    /// B(s) for a long s.
+    fn steady(&self) -> Matrix2<f64> {
+        let mut map = *self;
+        for _ in 0..TO_STEADY {
+            let next = map.twice();
+            let settled = next.b[(0, 0)] <= map.b[(0, 0)] * (1.0 + STEADY);
+            map = next;
+            if settled {
+                break;
+            }
+        }
+        map.b
     }
 
     fn of(&self, p: &Matrix2<f64>) -> Matrix2<f64> {
@@ -196,7 +236,7 @@ mod tests {
         };
         let end = (steady * rate * 3000.0).tanh().recip();
         assert!(of(225.0) < end && of(225.0) > 0.998 * end, "{}", of(225.0));
-        assert_eq!(of(0.25 * steady), 0.25);
+        assert!((of(0.25 * steady) - 0.25).abs() < 1e-12);
         assert_eq!(of(0.0), 0.0);
     }
 

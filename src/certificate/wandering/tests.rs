@@ -131,7 +131,7 @@ fn criteria(numbers: &mut Numbers) -> Vec<Criterion> {
 fn no_schedule_is_below_its_bound_where_drift_wanders() {
     let mut numbers = Numbers(11);
     let (mut compared, mut raised) = (0, 0);
-    for case in 0..30 {
+    for case in 0..18 {
         let platform = any_platform(&mut numbers, case);
         let total = numbers.log_between(600.0, 15_000.0);
         let certifier = Certifier::new(&platform);
@@ -145,15 +145,18 @@ fn no_schedule_is_below_its_bound_where_drift_wanders() {
                 (c, found.lower_bound)
             })
             .collect();
-        let white = certifier.of_white_noise(&Criterion::rms(), total).unwrap();
-        assert!(bound.lower_bound >= white.lower_bound);
-        raised += usize::from(bound.lower_bound > 1.001 * white.lower_bound);
+        if case < 6 {
+            let white = certifier.of_white_noise(&Criterion::rms(), total);
+            let white = white.unwrap().lower_bound;
+            assert!(bound.lower_bound >= white);
+            raised += usize::from(bound.lower_bound > 1.001 * white);
+        }
         let model = CovarianceModel::new(&platform);
         let mut best: Option<(f64, Vec<(Position, f64)>)> = None;
-        for i in 0..60 {
+        for i in 0..40 {
             let length = if i % 10 == 9 { numbers.unit() } else { 1.0 };
             let positions = match &best {
-                Some((_, positions)) if i >= 20 && length == 1.0 => {
+                Some((_, positions)) if i >= 13 && length == 1.0 => {
                     changed(&mut numbers, positions)
                 }
                 _ => schedule(&mut numbers, total * length),
@@ -178,7 +181,7 @@ fn no_schedule_is_below_its_bound_where_drift_wanders() {
             }
         }
     }
-    assert!(compared == 1800 && raised > 15, "{raised}");
+    assert!(compared == 720 && raised > 3, "{raised}");
 }
 
 /// Sums of variances, and determinants, of any gyros at attitudes that change at will: never below as many
@@ -299,39 +302,42 @@ fn the_bounds_with_wandering_are_the_figures_of_the_documentation() {
 
 type Figure = (Option<f64>, Option<(f64, f64)>, f64);
 const FIGURES: [Figure; 4] = [
-    (Some(0.001), None, 0.000_932),
-    (Some(0.003), None, 0.001_085),
-    (None, Some((0.003, 600.0)), 0.000_983),
-    (Some(0.001), Some((0.003, 600.0)), 0.001_05),
+    (Some(0.001), None, 0.000_930_3),
+    (Some(0.003), None, 0.001_082_4),
+    (None, Some((0.003, 600.0)), 0.000_977_3),
+    (Some(0.001), Some((0.003, 600.0)), 0.001_081_7),
 ];
 
-/// A specification below what the walk allows at any time is out of reach in any time.
+/// A specification below what the walk allows at any time is out of reach in any time; a little above, it takes
+/// far longer than without.
 #[test]
 fn what_a_walk_never_allows_takes_for_ever() {
     use crate::certificate::MinimumTime;
-    let certifier = Certifier::new(&coloured(Some(0.003), None));
-    let spec = |value: f64| {
-        let mut all = CoefficientVector::repeat(f64::INFINITY);
+    let with = |walk: Option<f64>| {
+        Certifier::new(&platform(|c| {
+            c.gyro.rate_random_walk_deg_per_h_per_sqrt_h = walk;
+            c.filter.period_s = 40.0;
+        }))
+    };
+    let (certifier, white) = (with(Some(0.003)), with(None));
+    // √(K² q) is the steady variance of a drift that is seen in its own white noise alone.
+    let conditions = &certifier.conditions;
+    let walk = conditions.drift_colour.random_walk.unwrap();
+    let steady = (walk * conditions.drift_psd).powf(0.25);
+    let time = |certifier: &Certifier, sigma: f64| {
+        let mut spec = CoefficientVector::repeat(f64::INFINITY);
         for c in constant_drifts() {
-            all[c.index()] = value;
+            spec[c.index()] = sigma;
         }
-        all
+        certifier.minimum_time(&spec, 9000.0).unwrap()
     };
-    // The steady σ is √K √(q/δ)^½, about 0.00137 °/h.
-    let of = |value: f64| certifier.minimum_time(&spec(value), 5000.0).unwrap();
-    assert!(
-        matches!(of(0.0013), MinimumTime::NotWithin(_)),
-        "{:?}",
-        of(0.0013)
-    );
-    let MinimumTime::MoreThan(time) = of(0.0020) else {
-        panic!("{:?}", of(0.0020));
+    let never = time(&certifier, 0.99 * steady);
+    assert!(matches!(never, MinimumTime::NotWithin(_)), "{never:?}");
+    let [late, soon] = [&certifier, &white].map(|c| time(c, 1.15 * steady));
+    let (MinimumTime::MoreThan(late), MinimumTime::MoreThan(soon)) = (late, soon) else {
+        panic!("{late:?} {soon:?}");
     };
-    let white = Certifier::new(&coloured(None, None));
-    let MinimumTime::MoreThan(without) = white.minimum_time(&spec(0.0020), 5000.0).unwrap() else {
-        panic!("a bound without wandering");
-    };
-    assert!(time > 1.1 * without, "{time} {without}");
+    assert!(late > 1.2 * soon, "{late} {soon}");
 }
 
 /// Known drift that walks counts at the end, but not after no time at all; without a walk it is known.
