@@ -42,14 +42,16 @@ mod profile;
 mod proofs;
 mod recursion;
 mod remark;
+mod riccati;
 mod sampling;
+mod wandering;
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::covariance::{CovarianceRoot, Rooted};
 use crate::criterion::Criterion;
-use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient};
+use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Platform;
@@ -119,7 +121,7 @@ pub struct Bound {
     pub sigma_deg_per_h: CoefficientVector,
     /// Groups of errors that the platform has and that the bound takes as known.
     pub taken_as_known: Vec<&'static str>,
-    /// Keys of noise that wanders, which the platform has and the bound leaves out.
+    /// Keys of noise that wanders, which the platform has and the bound on the criterion leaves out.
     pub noise_left_out: Vec<&'static str>,
     /// What the bound does not cover or why it is weak.
     pub remarks: Vec<Remark>,
@@ -150,28 +152,25 @@ impl Certifier {
         total_time_s: f64,
     ) -> Result<CriterionBound> {
         self.check(total_time_s)?;
-        let nothing = CriterionBound {
-            lower_bound: 0.0,
-            equivalence_gap: 0.0,
-            majorant: None,
-        };
         // What other parameters add to a criterion is not negative, and is left out.
         let (criterion, factor) = criterion.of_the_coefficients();
-        if criterion.is_known(&self.conditions.prior_sigma) {
-            return Ok(nothing);
-        }
-        let found = self.bound_of_the_coefficients(&criterion, total_time_s)?;
+        let white = self.of_white_noise(&criterion, total_time_s)?;
+        let found = self.with_wandering(&criterion, white, total_time_s)?;
         Ok(CriterionBound {
             lower_bound: found.lower_bound * factor,
             ..found
         })
     }
 
-    fn bound_of_the_coefficients(
-        &self,
-        criterion: &Criterion,
-        total_time_s: f64,
-    ) -> Result<CriterionBound> {
+    /// As if nothing wandered. `criterion` is of the twelve coefficients.
+    fn of_white_noise(&self, criterion: &Criterion, total_time_s: f64) -> Result<CriterionBound> {
+        if criterion.is_known(&self.conditions.prior_sigma) {
+            return Ok(CriterionBound {
+                lower_bound: 0.0,
+                equivalence_gap: 0.0,
+                majorant: None,
+            });
+        }
         let mut best: Option<CriterionBound> = None;
         for (directions, emphasis) in self.relaxations(criterion) {
             for bounded in majorants(&self.conditions, total_time_s, &emphasis) {
@@ -231,7 +230,7 @@ impl Certifier {
             rms_sigma_deg_per_h: rms.lower_bound,
             sigma_deg_per_h: self.sigma_bounds(total_time_s)?,
             taken_as_known: self.conditions.taken_as_known.clone(),
-            noise_left_out: self.conditions.noise_left_out.clone(),
+            noise_left_out: self.noise_left_out(criterion),
             remarks: self.remarks(criterion, &of_criterion),
         })
     }
@@ -243,6 +242,11 @@ impl Certifier {
     /// As [`Certifier::criterion_bound`].
     pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
         self.check(total_time_s)?;
+        let white = self.sigma_of_white_noise(total_time_s)?;
+        Ok(self.sigma_with_wandering(white, total_time_s))
+    }
+
+    fn sigma_of_white_noise(&self, total_time_s: f64) -> Result<CoefficientVector> {
         if self.conditions.prior_sigma.max() == 0.0 {
             return Ok(CoefficientVector::zeros());
         }
@@ -369,29 +373,64 @@ impl Certifier {
         })
     }
 
-    /// Which errors of the platform every bound takes as known, and which noise it leaves out, if any.
-    pub fn taken_as_known(&self) -> impl Iterator<Item = Remark> + use<> {
+    /// Which errors of the platform the bound on `criterion` takes as known, and what it makes of noise
+    /// that wanders, if any.
+    pub fn taken_as_known(&self, criterion: &Criterion) -> impl Iterator<Item = Remark> + use<> {
         let groups = &self.conditions.taken_as_known;
         let known = (!groups.is_empty()).then(|| Remark::TakenAsKnown(groups.clone()));
-        let wanders = !self.conditions.noise_left_out.is_empty();
-        known
+        let wandering = match criterion {
+            Criterion::Use { .. } => {
+                let left_out = !self.noise_left_out(criterion).is_empty();
+                [left_out.then_some(Remark::WanderingLeftOut), None]
+            }
+            _ => {
+                let drift = !self.conditions.drift_that_wanders.is_empty();
+                let biases = !self.conditions.biases_that_wander.is_empty();
+                [
+                    drift.then_some(Remark::WanderingInConstantDrift),
+                    biases.then_some(Remark::BiasesLeftOut),
+                ]
+            }
+        };
+        known.into_iter().chain(wandering.into_iter().flatten())
+    }
+
+    /// Keys of noise that wanders which has no part in the bound on `criterion`.
+    fn noise_left_out(&self, criterion: &Criterion) -> Vec<&'static str> {
+        let (drift, biases) = (
+            &self.conditions.drift_that_wanders,
+            &self.conditions.biases_that_wander,
+        );
+        match criterion {
+            Criterion::Use { .. } => drift.iter().chain(biases).copied().collect(),
+            _ => biases.clone(),
+        }
+    }
+
+    /// Whether a drift that the criterion counts, and that is known before, is not at the end.
+    fn known_wanders(&self, criterion: &Criterion) -> bool {
+        let walks = self.conditions.drift_colour.random_walk.is_some();
+        let known = |c: &DriftCoefficient| self.conditions.prior_sigma[c.index()] == 0.0;
+        let mut counted = DriftCoefficient::ALL
             .into_iter()
-            .chain(wanders.then_some(Remark::WanderingLeftOut))
+            .filter(|c| c.kind() == DriftKind::Constant && criterion.counts(*c));
+        walks && counted.any(|c| known(&c))
     }
 
     /// What a reader of the bound on `criterion` should know: what it does not cover, why it is
     /// weak.
     pub fn remarks(&self, criterion: &Criterion, bound: &CriterionBound) -> Vec<Remark> {
         let known = criterion.known_before(&self.conditions.prior_sigma);
-        // A drift that is known and wanders is not known at the end.
-        if let Some(known) = known.filter(|_| self.conditions.noise_left_out.is_empty()) {
+        let known_wanders = self.known_wanders(criterion);
+        if let Some(known) = known.filter(|_| !known_wanders) {
             return vec![Remark::KnownBefore(known)];
         }
         if criterion.counts_only_others() {
             let remarks = [Remark::OnlyOthers].into_iter();
-            return remarks.chain(self.taken_as_known()).collect();
+            return remarks.chain(self.taken_as_known(criterion)).collect();
         }
         let weak = match bound.majorant.map(|m| m.kind) {
+            _ if bound.lower_bound == 0.0 && known_wanders => Some(Remark::KnownAndWanders),
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),
             Some(Majorant::Isotropic) if self.conditions.frame_hold => Some(Remark::FrameHold),
@@ -405,7 +444,7 @@ impl Certifier {
         let at_pole =
             self.conditions.omega_north == 0.0 && self.conditions.azimuth_variance.is_none();
         weak.into_iter()
-            .chain(self.taken_as_known())
+            .chain(self.taken_as_known(criterion))
             .chain(on_table.then_some(Remark::IndexTable))
             .chain(at_pole.then_some(Remark::Pole))
             .collect()

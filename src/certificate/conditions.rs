@@ -7,7 +7,7 @@ use crate::drift::{
     COEFFICIENTS, CoefficientMatrix, CoefficientVector, DriftCoefficient, DriftKind,
 };
 use crate::dynamics::ErrorDynamics;
-use crate::model::Mounting;
+use crate::model::{Colour, Mounting};
 use crate::platform::{Platform, Repositioning};
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 
@@ -44,9 +44,12 @@ pub(super) struct Conditions {
     /// Groups of errors that the platform has besides ψ and the twelve coefficients. The bound is
     /// that of a platform on which they are known: knowing more never raises a σ.
     pub taken_as_known: Vec<&'static str>,
-    /// Keys of drift and biases that wander, which are left out. For known wandering d the information on
-    /// D is that of white noise, whatever D_F is reported with: σ(D_F + d) ≥ σ(D_F + d | d) = σ(D_F | d).
-    pub noise_left_out: Vec<&'static str>,
+    /// How the drift of the gyros wanders, in °/h.
+    pub drift_colour: Colour,
+    /// Its keys.
+    pub drift_that_wanders: Vec<&'static str>,
+    /// Keys of biases that wander, which are left out: they are taken as known too.
+    pub biases_that_wander: Vec<&'static str>,
 }
 
 impl Conditions {
@@ -80,7 +83,9 @@ impl Conditions {
             mixing: (*platform.errors().mounting() != Mounting::PAPER)
                 .then(|| platform.errors().mounting().mixing_of_the_papers()),
             taken_as_known: others(platform),
-            noise_left_out: platform.keys_of_wandering(),
+            drift_colour: platform.drift_colour().times(ARCSEC_PER_RAD),
+            drift_that_wanders: platform.keys_of_wandering_drift(),
+            biases_that_wander: platform.keys_of_wandering_biases(),
         }
     }
 

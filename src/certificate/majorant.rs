@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::MajorantInUse;
 use super::conditions::{Cells, Conditions};
 use super::profile::{profile_of_the_best, profiles};
 use super::recursion::{Recursion, isotropic_holds};
@@ -100,6 +101,15 @@ impl Emphasis {
         out
     }
 
+    /// For the constant drifts alone, whatever is known of them before.
+    pub fn on_constant_drift(choice: Choice) -> Self {
+        Self {
+            weights: [1.0, 0.0, 0.0],
+            prior: [0.0; 3],
+            choice,
+        }
+    }
+
     /// What the best design reaches by δ when every attitude is allowed: each part of D then
     /// gets the same information in all its directions.
     fn value(&self, delta: &[f64; 3], mass: f64) -> f64 {
@@ -163,6 +173,76 @@ pub(super) fn majorants(
             .collect();
     }
     best
+}
+
+/// A majorant with its course in time: f(t) diag(δ), f constant in each cell.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shaped {
+    kind: Majorant,
+    /// δ for North, Up, East, relative to f.
+    pub delta: [f64; 3],
+    /// f of each cell, (°/h)⁻² s⁻¹.
+    pub profile: Vec<f64>,
+    pub cells: Cells,
+}
+
+impl Shaped {
+    fn new(kind: Majorant, delta: [f64; 3], recursion: &Recursion) -> Self {
+        Self {
+            kind,
+            delta,
+            profile: recursion.profile.clone(),
+            cells: recursion.cells,
+        }
+    }
+
+    pub fn in_use(&self, total_time_s: f64) -> MajorantInUse {
+        let inside = self.profile.iter().enumerate();
+        let mass: f64 = inside.map(|(j, f)| f * self.cells.inside_s(j)).sum();
+        MajorantInUse {
+            kind: self.kind,
+            delta: self.delta.map(|d| d * mass / total_time_s),
+            trace_information: None,
+        }
+    }
+}
+
+/// Majorants of the information on the whole of u, each of which holds, those of the separated form
+/// first: for what is not of twelve coefficients alone.
+pub(super) fn shaped(
+    conditions: &Conditions,
+    total_time_s: f64,
+    emphasis: &Emphasis,
+) -> Vec<Shaped> {
+    let Some(cells) = Cells::new(conditions, total_time_s) else {
+        return Vec::new();
+    };
+    let with = |profile| Recursion::new(conditions.clone(), cells, profile);
+    let mut found = Vec::new();
+    if !conditions.frame_hold {
+        // The trace stays unknown; what is known of it afterwards has no part in this.
+        let unknown = conditions.trace_direction().map(|_| 0.0);
+        for recursion in profiles(conditions, &cells).into_iter().map(with) {
+            if let Some(bounded) = separated(&recursion, emphasis, unknown).first() {
+                found.push(Shaped::new(bounded.kind, bounded.delta, &recursion));
+            }
+        }
+    }
+    let recursion = with(profile_of_the_best(conditions, &cells));
+    let holds = |s: f64| isotropic_holds(&recursion, s);
+    if let Some(scale) = smallest(1.0, SCALE_ACCURACY, holds) {
+        found.push(Shaped::new(Majorant::Isotropic, [scale; 3], &recursion));
+    }
+    if conditions.drift_psd > 0.0 {
+        // 𝓖 ⪯ 1/q, as below.
+        found.push(Shaped {
+            kind: Majorant::Isotropic,
+            delta: [conditions.drift_psd.recip(); 3],
+            profile: vec![1.0; cells.count],
+            cells,
+        });
+    }
+    found
 }
 
 fn separated(

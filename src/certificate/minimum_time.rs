@@ -100,8 +100,15 @@ impl Certifier {
         let mut low: Option<(f64, f64)> = None;
         let mut high: Option<(f64, f64)> = None;
         let mut at = guess_s.clamp(period, longest);
+        // A drift that walks has σ that hardly fall with the time: bolder from step to step.
+        let boldness = match self.conditions.drift_colour.is_white() {
+            true => 1.0,
+            false => 2.0,
+        };
+        let mut power = POWER * boldness;
         for _ in 0..STEPS {
             let value = ratio(at)?;
+            power /= boldness;
             if value > 0.0 {
                 low = Some((at, value));
             } else {
@@ -112,11 +119,11 @@ impl Certifier {
                     return Ok(MinimumTime::NotWithin(longest));
                 }
                 (Some((t, v)), None) => {
-                    (t * libm::exp(1.05 * v / POWER).clamp(1.001, 20.0)).min(longest)
+                    (t * libm::exp(1.05 * v / power).clamp(1.001, 20.0)).min(longest)
                 }
                 (None, Some((t, _))) if t <= period => return Ok(MinimumTime::Unknown),
                 (None, Some((t, v))) => {
-                    (t * libm::exp(1.05 * v / POWER).clamp(0.05, 0.999)).max(period)
+                    (t * libm::exp(1.05 * v / power).clamp(0.05, 0.999)).max(period)
                 }
                 (Some(a), Some(b)) => {
                     if b.0 / a.0 < 1.0 + WIDTH {

@@ -31,8 +31,15 @@ pub enum Remark {
     IndexTable,
     /// The platform has errors, of these groups, that the bound takes as known.
     TakenAsKnown(Vec<&'static str>),
-    /// Drift or biases of the platform wander, which the bound leaves out.
+    /// Noise of the platform wanders, all of which the bound leaves out.
     WanderingLeftOut,
+    /// Biases of accelerometers wander, which the bound leaves out.
+    BiasesLeftOut,
+    /// Drift wanders, which counts in the constant drifts alone.
+    WanderingInConstantDrift,
+    /// What counts is known before the test and wanders in it, so that the bound for this duration *or
+    /// shorter* is nothing.
+    KnownAndWanders,
     /// At a pole the sum of the input-axis coefficients is never seen.
     Pole,
     /// What is known of the shortest time, where that is no number.
@@ -61,6 +68,18 @@ impl fmt::Display for Remark {
             Self::WanderingLeftOut => {
                 "noise that wanders is left out, as if all of it were known, which can only lower \
                  the bound"
+            }
+            Self::BiasesLeftOut => {
+                "biases that wander are left out, as if they were known, which can only lower the \
+                 bound"
+            }
+            Self::WanderingInConstantDrift => {
+                "drift that wanders counts in the D_F; the other coefficients are bounded as if \
+                 it were known, which can only lower the bound"
+            }
+            Self::KnownAndWanders => {
+                "no useful bound here, because a drift that is known before the test wanders in \
+                 it: the shorter the test, the better it is known at the end"
             }
             Self::PriorItself => {
                 "nothing is measured in so short a test: the bound is the prior itself"

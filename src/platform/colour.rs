@@ -16,19 +16,26 @@ const SECONDS_PER_HOUR: f64 = 3600.0;
 const MICRO: f64 = 1e-6;
 
 impl Platform {
-    /// The keys that make drift or biases wander.
-    pub(crate) fn keys_of_wandering(&self) -> Vec<&'static str> {
-        let (drift, biases) = (self.drift_colour(), self.accelerometer_colour());
-        [
-            (RATE_RANDOM_WALK, drift.random_walk.is_some()),
-            (DRIFT_INSTABILITY, drift.markov.is_some()),
-            (ACCELERATION_RANDOM_WALK, biases.random_walk.is_some()),
-            (BIAS_INSTABILITY, biases.markov.is_some()),
-        ]
-        .into_iter()
-        .filter_map(|(key, is_given)| is_given.then_some(key))
-        .collect()
+    /// The keys that make drift wander.
+    pub(crate) fn keys_of_wandering_drift(&self) -> Vec<&'static str> {
+        given(self.drift_colour(), [RATE_RANDOM_WALK, DRIFT_INSTABILITY])
     }
+
+    /// The keys that make the accelerometers' biases wander.
+    pub(crate) fn keys_of_wandering_biases(&self) -> Vec<&'static str> {
+        given(
+            self.accelerometer_colour(),
+            [ACCELERATION_RANDOM_WALK, BIAS_INSTABILITY],
+        )
+    }
+}
+
+/// Of the keys of random walk and instability those that are there.
+fn given(colour: &Colour, keys: [&'static str; 2]) -> Vec<&'static str> {
+    let is_given = [colour.random_walk.is_some(), colour.markov.is_some()];
+    let both = keys.into_iter().zip(is_given);
+    both.filter_map(|(key, is_given)| is_given.then_some(key))
+        .collect()
 }
 
 /// The keys of one kind of instrument, with the values that are given.

@@ -9,6 +9,7 @@ use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
 use crate::certificate::{Bound, Certifier, CriterionBound, Majorant, MinimumTime, Remark};
 use crate::config::{Mode, StudyConfig};
+use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::Objective;
 use crate::search::{SearchOutcome, Status};
@@ -59,8 +60,8 @@ pub struct BoundDocument {
     /// there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub taken_as_known: Vec<String>,
-    /// Keys of noise that wanders, which the platform has and the bound leaves out; left out when there are
-    /// none.
+    /// Keys of noise that wanders, which the platform has and the bound on the criterion leaves out: with
+    /// criterion `use` all, otherwise those of the accelerometers; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub noise_left_out: Vec<String>,
     /// What the bound does not cover, or why it is weak.
@@ -241,7 +242,7 @@ impl CertificateRecord {
             Ok(other) => (seconds(other), vec![Remark::Time(other)]),
             Err(e) => (None, vec![Remark::NoBound(e)]),
         };
-        remarks.extend(certifier.taken_as_known());
+        remarks.extend(certifier.taken_as_known(&Criterion::max_ratio(*spec)));
         if !meets {
             remarks.push(Remark::SpecificationMissed);
         }

@@ -151,9 +151,9 @@ fn more_positions_are_tried_where_drift_wanders() {
     assert_eq!(most, Some(24));
 }
 
-/// The bound of the platform without it, and says so.
+/// The bound knows drift that wanders, in the D_F, and says what it leaves out.
 #[test]
-fn the_bound_leaves_it_out() {
+fn the_bound_counts_drift_that_wanders() {
     let desk = desk();
     desk.write(
         "white.toml",
@@ -163,19 +163,27 @@ fn the_bound_leaves_it_out() {
         serde_json::from_str(&desk.done(&["bound", file, "--json", "-q"])).unwrap()
     };
     let (white, wandering) = (bound("white.toml"), bound("wandering.toml"));
-    assert_eq!(wandering["lower_bound"], white["lower_bound"]);
+    let number = |of: &Value, field: &str| of[field].as_f64().unwrap();
+    for field in ["lower_bound", "rms_sigma_lower_bound_deg_per_h"] {
+        assert!(number(&wandering, field) > 1.02 * number(&white, field));
+    }
+    for (name, least) in white["sigma_lower_bound_deg_per_h"].as_object().unwrap() {
+        let with = &wandering["sigma_lower_bound_deg_per_h"][name];
+        match name.starts_with("D_F") {
+            true => assert!(with.as_f64().unwrap() > 1.5 * least.as_f64().unwrap()),
+            false => assert_eq!(with, least),
+        }
+    }
     assert_eq!(white["noise_left_out"], Value::Null);
-    let keys = [
-        "gyro.rate_random_walk_deg_per_h_per_sqrt_h",
-        "gyro.bias_instability_deg_per_h",
-        "accelerometer.bias_instability_ug",
-    ];
+    let keys = ["accelerometer.bias_instability_ug"];
     assert_eq!(wandering["noise_left_out"], serde_json::json!(keys));
     let remarks = wandering["remarks"].to_string();
-    assert!(
-        remarks.contains("noise that wanders is left out"),
-        "{remarks}"
-    );
+    for said in [
+        "drift that wanders counts in the D_F",
+        "biases that wander are left out",
+    ] {
+        assert!(remarks.contains(said), "{remarks}");
+    }
     // And no evaluation is below it.
     let found = document(&desk, &["evaluate", "--schedule", "mine.csv"]);
     let time = found["total_time_s"].to_string();
