@@ -33,7 +33,12 @@ const FILES: [&str; 5] = [
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let study = inputs::load(args.platform.as_deref(), &args.common, args.starts)?;
-    if !study.test().platform().drift_colour().is_white()
+    let is_open = study
+        .defaulted()
+        .iter()
+        .any(|key| key == "search.max_positions");
+    if is_open
+        && !study.test().platform().drift_colour().is_white()
         && let Some(most) = study.config().search.max_positions
     {
         output.message(&format!(

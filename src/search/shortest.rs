@@ -16,7 +16,8 @@ use super::rated::Candidate;
 use super::reason::{EnoughTime, MissedSpecification, Reason};
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, search, what_depends_on_the_schedule};
-use crate::criterion::Criterion;
+use crate::covariance::TickRule;
+use crate::criterion::{Criterion, Smoothing};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluator, Objective};
 use crate::schedule::Schedule;
@@ -166,19 +167,44 @@ impl RootSearch<'_> {
         let platform = self.context.evaluator.test().platform();
         let period = platform.period_s;
         let shortest_s = platform.shortest_dwell_s();
-        loop {
+        while !self.stop() {
             let shorter = (0..plan.dwell_s.len()).filter_map(|k| {
                 let mut shorter = plan.clone();
                 shorter.dwell_s[k] -= period;
                 (shorter.dwell_s[k] >= shortest_s).then_some(shorter)
             });
-            let rated = shorter.filter_map(|p| Some((self.ratio(&p)?, p)));
-            let best = rated.reduce(|best, c| if c.0 < best.0 { c } else { best });
-            match best {
+            match self.least(shorter.collect()) {
                 Some((ratio, shorter)) if ratio <= 1.0 => plan = shorter,
                 _ => return plan,
             }
         }
+        plan
+    }
+
+    /// The plan of the least ratio, and that.
+    fn least(&self, plans: Vec<Plan>) -> Option<(f64, Plan)> {
+        let least = |best: (f64, Plan), c: (f64, Plan)| if c.0 < best.0 { c } else { best };
+        let model = self.context.evaluator.model();
+        if model.is_white() {
+            let rated = plans.into_iter();
+            return rated
+                .filter_map(|p| Some((self.ratio(&p)?, p)))
+                .reduce(least);
+        }
+        // Where drift wanders the exact chain takes its time: all by the searches' route, the best by it.
+        let test = self.context.evaluator.test();
+        let timelines: Vec<_> = plans.iter().map(|p| p.timeline(test)).collect();
+        self.context.work.count_evaluations(plans.len() as u64);
+        let criterion = &self.context.evaluator.objective().criterion;
+        let logs = model.values(&timelines, TickRule::Filter, |p| {
+            criterion.log(p, Smoothing::Exact)
+        });
+        let rated = logs.into_iter().zip(plans);
+        let best = rated
+            .filter_map(|(log, p)| Some((log.ok()?, p)))
+            .reduce(least)?
+            .1;
+        Some((self.ratio(&best)?, best))
     }
 
     /// A shorter test that turns while it measures, if that is allowed and there is one: the
