@@ -74,7 +74,7 @@ fn timeline(platform: &Platform, positions: &[(Position, f64)]) -> Timeline {
 /// Drift that wanders, slowly and fast, weakly and strongly; on stands of many kinds.
 fn any_platform(numbers: &mut Numbers, case: usize) -> Platform {
     let walk = (case % 3 != 1).then(|| numbers.log_between(1e-4, 0.03));
-    let markov = (case % 3 != 0).then(|| {
+    let markov = (!case.is_multiple_of(3)).then(|| {
         (
             numbers.log_between(3e-4, 0.03),
             numbers.log_between(10.0, 1e5),
