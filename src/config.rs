@@ -371,6 +371,7 @@ mod tests {
     /// A configuration with something at every key.
     fn full() -> StudyConfig {
         let mut c = StudyConfig::default();
+        c.search.max_positions = Some(24);
         c.platform.gyro.angle_random_walk_deg_per_sqrt_h = Some(1.0);
         let one = AxisValue::All(1.0);
         c.platform.prior.g_sensitive_drift_deg_per_h_per_g = GSensitivePrior::PerAxis {

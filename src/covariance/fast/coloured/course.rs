@@ -199,12 +199,13 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         self.v[first..2 * first].copy_from_slice(&walked);
         let variance = self.columns.walked_sigma.map(|s| self.ar.number(s * s));
         for i in 0..3 {
-            for j in 0..3 {
+            for j in 0..=i {
                 let mut sum = at.c[i][0] * variance[0] * at.c[j][0];
                 for k in 1..3 {
                     sum = (at.c[i][k] * variance[k]).mul_add(at.c[j][k], sum);
                 }
                 self.p[3 + i][3 + j] = sum;
+                self.p[3 + j][3 + i] = sum;
             }
         }
     }

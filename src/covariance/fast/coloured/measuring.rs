@@ -119,8 +119,11 @@ impl<A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'_, A
                     y,
                 );
             }
-            for j in 0..S {
-                self.p[i][j] = self.p[i][j] - share * column[i] * column[j];
+            for j in 0..=i {
+                // Symmetric to the bit.
+                let p = self.p[i][j] - share * column[i] * column[j];
+                self.p[i][j] = p;
+                self.p[j][i] = p;
             }
         }
         if let Some(own) = own {
