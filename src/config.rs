@@ -86,18 +86,6 @@ impl StudyConfig {
         }
     }
 
-    /// How many positions a search may have, if that is not said.
-    fn resolve_positions(&mut self) {
-        let gyro = &self.platform.gyro;
-        let wandering = [
-            gyro.rate_random_walk_deg_per_h_per_sqrt_h,
-            gyro.bias_instability_deg_per_h,
-        ];
-        let wanders = wandering.into_iter().flatten().any(|size| size > 0.0);
-        let most = SearchConfig::default_positions(wanders);
-        self.search.max_positions.get_or_insert(most);
-    }
-
     /// Checks every value, and the values against each other.
     ///
     /// # Errors
@@ -140,7 +128,8 @@ impl StudyConfig {
         self.search.check()?;
         let mut config = self.clone();
         config.resolve();
-        config.resolve_positions();
+        let most = SearchConfig::default_positions(!platform.drift_colour().is_white());
+        config.search.max_positions.get_or_insert(most);
         Ok(CheckedConfig {
             config,
             test: platform.into(),

@@ -274,9 +274,7 @@ impl<'a> Batch<'a> {
     /// The timelines in groups of at most `lanes`, alike in their number of legs; those that would
     /// make others of their group do what they do not do alone, on their own.
     pub fn groups(&self, lanes: usize) -> Vec<Vec<usize>> {
-        let (mut together, alone): (Vec<usize>, Vec<usize>) =
-            (0..self.timelines.len()).partition(|&i| self.model.keeps_step(&self.timelines[i]));
-        together.sort_by_key(|&i| self.timelines[i].legs().len());
+        let (together, alone) = self.model.in_step(self.timelines);
         let together = together.chunks(lanes).map(<[usize]>::to_vec);
         together.chain(alone.into_iter().map(|i| vec![i])).collect()
     }
@@ -380,7 +378,7 @@ impl<S: Simd, L: Alignment> Work for Covariance<'_, S, L> {
 }
 
 /// A figure of merit of P_D.
-type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
+pub(super) type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
 
 struct Values<'a> {
     batch: Batch<'a>,
@@ -496,10 +494,18 @@ impl CovarianceModel {
 }
 
 impl CovarianceModel {
+    /// Those of the timelines that can share groups, by their number of legs, and the others.
+    fn in_step(&self, timelines: &[Timeline]) -> (Vec<usize>, Vec<usize>) {
+        let (mut together, alone): (Vec<usize>, Vec<usize>) =
+            (0..timelines.len()).partition(|&i| self.keeps_step(&timelines[i]));
+        together.sort_by_key(|&i| timelines[i].legs().len());
+        (together, alone)
+    }
+
     /// Whether what a timeline goes through leg by leg is what others do too, so that it can share
     /// a group without a lane doing anything that its schedule alone does not: every position is
     /// held for a whole period at least, and no move is measured.
-    pub(super) fn keeps_step(&self, timeline: &Timeline) -> bool {
+    fn keeps_step(&self, timeline: &Timeline) -> bool {
         let held = |dwell_s: f64| split_periods(dwell_s, self.period_s).0 > 0;
         timeline.position_legs().iter().all(|leg| held(leg.dwell_s))
             && timeline

@@ -221,10 +221,10 @@ impl CovarianceModel {
 }
 
 /// A figure of merit of P_D.
-type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
+pub(super) type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
 
 /// What is wanted of P_D at the end of a timeline.
-enum Wanted<'a> {
+pub(super) enum Wanted<'a> {
     /// The value of a figure of merit.
     Value(Merit<'a, f64>),
     /// Its derivatives too, leg by leg.

@@ -16,7 +16,7 @@ use super::gains::Own;
 use super::mixing::{Kind, Mixing};
 use super::posterior::{Posterior, Pulled};
 use super::shape::{Catalogue, Facts, Instruments};
-use super::single::{OneTimeline, keep_tape, take_tape};
+use super::single::{Merit, OneTimeline, Wanted, keep_tape, take_tape};
 use super::tiles::{Tiles, WideAdjoint};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
@@ -26,22 +26,13 @@ pub(crate) use seen::OfPosterior;
 pub(crate) use told::{Stacked, Told};
 use told::{by_columns, told};
 
-/// A figure of merit.
-type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
-
-/// What is wanted at the end of a timeline.
-enum Wanted<'a> {
-    Value(Merit<'a, f64>),
-    Gradient(Merit<'a, (f64, Slope)>, &'a mut [LegGradient]),
-}
-
 /// How a value is worked out.
 #[derive(Debug, Clone, Copy, Default)]
-struct How {
+pub(super) struct How {
     /// By the rows even where sums of squares keep their digits.
-    by_rows: bool,
+    pub by_rows: bool,
     /// Steps of no length too, as in lanes.
-    in_step: bool,
+    pub in_step: bool,
 }
 
 /// The end of a timeline, and what is wanted of it.

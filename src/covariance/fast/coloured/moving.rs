@@ -141,8 +141,9 @@ impl<N: Number> Panel<N> {
     fn through(&self, faded: &Faded<N>, i: usize) -> Entries<N> {
         let zero = self.length_s.constant(0.0);
         let mut sum = [[zero; 3]; 3];
+        let rest = &panel_nodes().rest[i];
         for k in 0..NODES {
-            let rest = zero.constant(panel_nodes().rest[i][k]);
+            let rest = zero.constant(rest[k]);
             add(&mut sum, rest * faded.kept[k], &self.seen[k]);
         }
         three!(|a| three!(|b| sum[a][b] * faded.inverse[i]))
@@ -253,8 +254,9 @@ impl<N: Number> Panel<N> {
                     of_through[a][b] = of_through[a][b].mul_add(psi, of) * weight;
                 }
             }
+            let rest = &panel_nodes().rest[i];
             for k in 0..NODES {
-                let rest = zero.constant(panel_nodes().rest[i][k]);
+                let rest = zero.constant(rest[k]);
                 let by = rest * faded.kept[k] * faded.inverse[i];
                 add(&mut of_seen[k], by, &of_through);
             }

@@ -9,9 +9,9 @@ use crate::covariance::fast::arithmetic::{
     Alignment, Arithmetic, Lanes, MOST_LANES, Plain, Register,
 };
 use crate::covariance::fast::course::Legs;
-use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_registers};
-use crate::covariance::fast::several::gradients::{LaneGradient, is_worth_while};
-use crate::covariance::fast::several::{Batch, Group, Slopes};
+use crate::covariance::fast::dispatch::{LaneTask, run_in_registers};
+use crate::covariance::fast::several::gradients::{Answer, LaneGradient, Merit};
+use crate::covariance::fast::several::{Batch, Group, Slopes, Value};
 use crate::covariance::fast::single::OneTimeline;
 use crate::covariance::fast::wide::OfPosterior;
 use crate::covariance::gradient::LegGradient;
@@ -93,11 +93,6 @@ fn ending<S: Simd, L: Alignment, const N: usize, const I: usize>(
     })
 }
 
-/// A figure of merit.
-type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
-/// A figure of merit with its derivative.
-type Merit<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
-
 /// The values of a batch.
 struct Values<'a, const N: usize, const I: usize> {
     batch: Batch<'a>,
@@ -134,9 +129,6 @@ impl<const N: usize, const I: usize> LaneTask for Values<'_, N, I> {
         out
     }
 }
-
-/// The figure of merit of a timeline with its derivatives, leg by leg.
-type Answer = Result<(f64, Vec<LegGradient>)>;
 
 /// The gradients of a group of timelines, no more than there are lanes.
 struct Gradients<'a, const N: usize, const I: usize> {
@@ -266,40 +258,30 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        let mut out: Vec<Answer> = Vec::new();
-        out.resize_with(timelines.len(), || Err(not_finite()));
-        let lanes = lanes(self.most_lanes);
-        let (mut together, mut alone): (Vec<usize>, Vec<usize>) =
-            (0..timelines.len()).partition(|&i| self.keeps_step(&timelines[i]));
-        together.sort_by_key(|&i| timelines[i].legs().len());
-        for of in together.chunks(lanes) {
-            if !is_worth_while(of.len(), lanes) {
-                alone.extend_from_slice(of);
-                continue;
-            }
-            macro_rules! run {
-                ($states:literal, $inputs:literal) => {{
-                    let task = Gradients::<$states, $inputs> {
-                        batch: self.coloured_batch(coloured, timelines, rule),
-                        coloured,
-                        of,
-                        merit: &merit,
-                        out: &mut out,
-                        alone: &mut alone,
-                    };
-                    // Worth while in several lanes only.
-                    let _ = run_in_registers(self.most_lanes, task);
-                }};
-            }
-            match coloured.wander.size {
-                Size::Six => run!(6, 3),
-                Size::Nine => run!(9, 3),
-                Size::Fifteen => alone.extend_from_slice(of),
-            }
-        }
-        for i in alone {
-            out[i] = self.coloured_gradient(coloured, &timelines[i], rule, &mut |p| merit(p));
-        }
-        out
+        self.gradients_by(
+            timelines,
+            |of, out, alone| {
+                macro_rules! run {
+                    ($states:literal, $inputs:literal) => {{
+                        let task = Gradients::<$states, $inputs> {
+                            batch: self.coloured_batch(coloured, timelines, rule),
+                            coloured,
+                            of,
+                            merit: &merit,
+                            out,
+                            alone,
+                        };
+                        // Worth while in several lanes only.
+                        let _ = run_in_registers(self.most_lanes, task);
+                    }};
+                }
+                match coloured.wander.size {
+                    Size::Six => run!(6, 3),
+                    Size::Nine => run!(9, 3),
+                    Size::Fifteen => alone.extend_from_slice(of),
+                }
+            },
+            |timeline| self.coloured_gradient(coloured, timeline, rule, &mut |p| merit(p)),
+        )
     }
 }

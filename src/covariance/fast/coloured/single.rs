@@ -7,10 +7,10 @@ use super::{Coloured, Columns, by_size};
 use crate::covariance::fast::arithmetic::Single;
 use crate::covariance::fast::course::Legs;
 use crate::covariance::fast::dispatch::{self, Task};
-use crate::covariance::fast::single::OneTimeline;
-use crate::covariance::fast::wide::{OfPosterior, Stacked, Told};
+use crate::covariance::fast::single::{Merit, OneTimeline, Wanted};
+use crate::covariance::fast::wide::{How, OfPosterior, Stacked, Told};
 use crate::covariance::gradient::LegGradient;
-use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
+use crate::covariance::{CovarianceModel, Slope, TickRule};
 use crate::error::Result;
 use crate::motion::Timeline;
 
@@ -43,24 +43,6 @@ impl<A: Single> Wanders<A> for OneTimeline<'_, A> {
         let arrival = self.timeline.legs()[leg].arrival;
         f64::from(u8::from(arrival.is_some_and(|m| m.change != [0.0; 3])))
     }
-}
-
-/// A figure of merit.
-pub(super) type Merit<'a, T> = &'a mut dyn FnMut(&dyn CoefficientCovariance) -> Result<T>;
-
-/// What is wanted at the end of a timeline.
-enum Wanted<'a> {
-    Value(Merit<'a, f64>),
-    Gradient(Merit<'a, (f64, Slope)>, &'a mut [LegGradient]),
-}
-
-/// How a value is worked out.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct How {
-    /// By the rows even where sums of squares keep their digits.
-    pub by_rows: bool,
-    /// Steps of no length too, as in lanes.
-    pub in_step: bool,
 }
 
 /// The end of a timeline, and what is wanted of it.

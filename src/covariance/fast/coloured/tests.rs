@@ -1,6 +1,6 @@
 use serde_json::{Value, json};
 
-use super::single::How;
+use crate::covariance::fast::wide::How;
 use crate::covariance::fast::wide::tests::{
     Random, accelerometers, largest_angle, merged, motions, others, platform, positions, slope,
     timeline, torquers, turned,

@@ -109,9 +109,10 @@ fn gathered<S: Simd, L: Alignment>(
 }
 
 /// A figure of merit of P_D with its derivative.
-type Merit<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
+pub(in crate::covariance::fast) type Merit<'a> =
+    &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
 /// The figure of merit of a timeline with its derivatives, leg by leg.
-type Answer = Result<(f64, Vec<LegGradient>)>;
+pub(in crate::covariance::fast) type Answer = Result<(f64, Vec<LegGradient>)>;
 
 /// The gradients of a group of timelines, no more than there are lanes. What has to be worked out
 /// alone is put down in `alone`.
@@ -266,39 +267,53 @@ impl CovarianceModel {
         if let Some(mixing) = &self.mixing {
             return self.wide_gradients(mixing, timelines, rule, merit);
         }
+        self.gradients_by(
+            timelines,
+            |of, out, alone| {
+                let task = Gradients {
+                    batch: Batch {
+                        model: self,
+                        timelines,
+                        rule,
+                        facts: Facts::of::<Drift>(),
+                    },
+                    of,
+                    merit: &merit,
+                    out,
+                    alone,
+                };
+                run_in_lanes(self.most_lanes, task);
+            },
+            |timeline| self.gradient(timeline, rule, &merit),
+        )
+    }
+
+    /// The answers of every timeline: of those that can share a group by `together`, which is given a group
+    /// and leaves to the last what it cannot answer, of the others by `single`.
+    pub(in crate::covariance::fast) fn gradients_by(
+        &self,
+        timelines: &[Timeline],
+        mut together: impl FnMut(&[usize], &mut [Answer], &mut Vec<usize>),
+        single: impl Fn(&Timeline) -> Answer,
+    ) -> Vec<Answer> {
         let mut out: Vec<Answer> = Vec::new();
         out.resize_with(timelines.len(), || Err(not_finite()));
         let lanes = lanes(self.most_lanes);
-        let (mut together, mut alone): (Vec<usize>, Vec<usize>) =
-            (0..timelines.len()).partition(|&i| self.keeps_step(&timelines[i]));
-        together.sort_by_key(|&i| timelines[i].legs().len());
-        for of in together.chunks(lanes) {
-            if !is_worth_while(of.len(), lanes) {
-                alone.extend_from_slice(of);
-                continue;
+        let (in_step, mut alone) = self.in_step(timelines);
+        for of in in_step.chunks(lanes) {
+            match is_worth_while(of.len(), lanes) {
+                true => together(of, &mut out, &mut alone),
+                false => alone.extend_from_slice(of),
             }
-            let task = Gradients {
-                batch: Batch {
-                    model: self,
-                    timelines,
-                    rule,
-                    facts: Facts::of::<Drift>(),
-                },
-                of,
-                merit: &merit,
-                out: &mut out,
-                alone: &mut alone,
-            };
-            run_in_lanes(self.most_lanes, task);
         }
         for i in alone {
-            out[i] = self.gradient(&timelines[i], rule, &merit);
+            out[i] = single(&timelines[i]);
         }
         out
     }
 }
 
 /// Whether `count` schedules in so many lanes take less time than one by one.
-pub(in crate::covariance::fast) fn is_worth_while(count: usize, lanes: usize) -> bool {
+fn is_worth_while(count: usize, lanes: usize) -> bool {
     lanes >= 4 && 2 * count > lanes
 }

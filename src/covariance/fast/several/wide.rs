@@ -5,11 +5,11 @@ use std::marker::PhantomData;
 
 use pulp::Simd;
 
-use super::gradients::{LaneGradient, backward, is_worth_while};
-use super::{Batch, Group};
+use super::gradients::{Answer, LaneGradient, Merit, backward};
+use super::{Batch, Group, Value};
 use crate::covariance::fast::arithmetic::{Alignment, Arithmetic, Lanes, MOST_LANES, Register};
 use crate::covariance::fast::course::{self, Legs, Tape};
-use crate::covariance::fast::dispatch::{LaneTask, lanes, run_in_registers};
+use crate::covariance::fast::dispatch::{LaneTask, run_in_registers};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::gains::Own;
 use crate::covariance::fast::mixing::{Kind, Mixing};
@@ -38,11 +38,6 @@ fn posterior<S: Simd, L: Alignment, C: WideShape>(
     let tiles = C::numbers(&chain.e);
     ar.apart(Finish(ar.number(0.0), mixing, &tiles))
 }
-
-/// A figure of merit.
-type Value<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<f64>;
-/// A figure of merit with its derivative.
-type Merit<'a> = &'a dyn Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>;
 
 /// The values of a batch.
 struct Values<'a, C> {
@@ -81,9 +76,6 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
         out
     }
 }
-
-/// The figure of merit of a timeline with its derivatives, leg by leg.
-type Answer = Result<(f64, Vec<LegGradient>)>;
 
 /// The gradients of a group of timelines, no more than there are lanes.
 struct Gradients<'a, C> {
@@ -230,45 +222,35 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<(f64, Slope)>,
     ) -> Vec<Result<(f64, Vec<LegGradient>)>> {
-        let mut out: Vec<Answer> = Vec::new();
-        out.resize_with(timelines.len(), || Err(not_finite()));
-        let lanes = lanes(self.most_lanes);
-        let (mut together, mut alone): (Vec<usize>, Vec<usize>) =
-            (0..timelines.len()).partition(|&i| self.keeps_step(&timelines[i]));
-        together.sort_by_key(|&i| timelines[i].legs().len());
-        for of in together.chunks(lanes) {
-            if !is_worth_while(of.len(), lanes) {
-                alone.extend_from_slice(of);
-                continue;
-            }
-            macro_rules! run {
-                ($shape:ty) => {{
-                    let task = Gradients::<$shape> {
-                        batch: Batch {
-                            model: self,
-                            timelines,
-                            rule,
-                            facts: Facts::of::<$shape>(),
-                        },
-                        mixing,
-                        of,
-                        merit: &merit,
-                        out: &mut out,
-                        alone: &mut alone,
-                        shape: PhantomData,
-                    };
-                    // Worth while in several lanes only.
-                    let _ = run_in_registers(self.most_lanes, task);
-                }};
-            }
-            match mixing.kind {
-                Kind::Instruments => run!(Instruments),
-                Kind::Catalogue => run!(Catalogue),
-            }
-        }
-        for i in alone {
-            out[i] = self.wide_gradient(mixing, &timelines[i], rule, &merit);
-        }
-        out
+        self.gradients_by(
+            timelines,
+            |of, out, alone| {
+                macro_rules! run {
+                    ($shape:ty) => {{
+                        let task = Gradients::<$shape> {
+                            batch: Batch {
+                                model: self,
+                                timelines,
+                                rule,
+                                facts: Facts::of::<$shape>(),
+                            },
+                            mixing,
+                            of,
+                            merit: &merit,
+                            out,
+                            alone,
+                            shape: PhantomData,
+                        };
+                        // Worth while in several lanes only.
+                        let _ = run_in_registers(self.most_lanes, task);
+                    }};
+                }
+                match mixing.kind {
+                    Kind::Instruments => run!(Instruments),
+                    Kind::Catalogue => run!(Catalogue),
+                }
+            },
+            |timeline| self.wide_gradient(mixing, timeline, rule, &merit),
+        )
     }
 }
