@@ -139,7 +139,7 @@ impl Criterion {
         match self {
             // The search's usual criterion: without a gradient that nobody wants.
             Self::A { weights, others } if others.is_empty() => {
-                Ok(log_weighted_rms(covariance.matrix(), weights))
+                Ok(log_weighted_rms(&covariance.variances(), weights))
             }
             Self::D => log_geometric_mean(covariance),
             _ => Ok(self.log_with_gradient(covariance, smoothing)?.0),
@@ -158,7 +158,7 @@ impl Criterion {
     ) -> Result<(f64, Slope)> {
         match self {
             Self::A { weights, others } if others.is_empty() => {
-                Ok(weighted_rms(covariance.matrix(), weights))
+                Ok(weighted_rms(&covariance.variances(), weights))
             }
             Self::A { weights, others } => Ok(weighted_rms_of_all(
                 &covariance.seen().diagonal(),
@@ -169,9 +169,11 @@ impl Criterion {
             Self::MaxRatio {
                 spec_deg_per_h,
                 others,
-            } if others.is_empty() => {
-                Ok(worst_ratio(covariance.matrix(), spec_deg_per_h, smoothing))
-            }
+            } if others.is_empty() => Ok(worst_ratio(
+                &covariance.variances(),
+                spec_deg_per_h,
+                smoothing,
+            )),
             Self::MaxRatio {
                 spec_deg_per_h,
                 others,
@@ -306,15 +308,15 @@ impl Criterion {
 }
 
 /// ln √(Σ w P_ii / Σ w).
-fn log_weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> f64 {
-    0.5 * libm::log(p.diagonal().dot(weights) / weights.sum())
+fn log_weighted_rms(variances: &CoefficientVector, weights: &CoefficientVector) -> f64 {
+    0.5 * libm::log(variances.dot(weights) / weights.sum())
 }
 
 /// ln √(Σ w P_ii / Σ w) and its gradient.
-fn weighted_rms(p: &CoefficientMatrix, weights: &CoefficientVector) -> (f64, Slope) {
-    let weighted = p.diagonal().dot(weights);
+fn weighted_rms(variances: &CoefficientVector, weights: &CoefficientVector) -> (f64, Slope) {
+    let weighted = variances.dot(weights);
     let slope = Slope::Variances(weights / (2.0 * weighted));
-    (log_weighted_rms(p, weights), slope)
+    (log_weighted_rms(variances, weights), slope)
 }
 
 /// Numbers of other parameters, then of the twelve.
@@ -430,12 +432,12 @@ fn not_a_covariance() -> Error {
 
 /// ln max σ_i/spec_i, or its power mean.
 fn worst_ratio(
-    p: &CoefficientMatrix,
+    variances: &CoefficientVector,
     spec: &CoefficientVector,
     smoothing: Smoothing,
 ) -> (f64, Slope) {
     let ratios: Vec<f64> = (0..COEFFICIENTS)
-        .map(|i| p[(i, i)] / (spec[i] * spec[i]))
+        .map(|i| variances[i] / (spec[i] * spec[i]))
         .collect();
     let (log_value, shares) = soft_maximum(&ratios, smoothing);
     let slope = CoefficientVector::from_fn(|i, _| 0.5 * shares[i] / (spec[i] * spec[i]));

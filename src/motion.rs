@@ -52,9 +52,27 @@ pub struct Move {
     pub duration_s: f64,
     /// Whether the filter measures meanwhile.
     pub measured: bool,
+    /// `from` without whole turns: kept, since a search asks for it thousands of times.
+    reduced_from: [f64; 3],
 }
 
 impl Move {
+    /// From where, by how much, how long in s, and whether the filter measures meanwhile.
+    pub(crate) fn new(from: [f64; 3], change: [f64; 3], duration_s: f64, measured: bool) -> Self {
+        Self {
+            from,
+            change,
+            duration_s,
+            measured,
+            reduced_from: from.map(wrap_half_turn),
+        }
+    }
+
+    /// The same in another time, s.
+    pub(crate) const fn lasting(self, duration_s: f64) -> Self {
+        Self { duration_s, ..self }
+    }
+
     /// (α, β, γ) at the `fraction` 0..1 of the move, rad.
     pub fn angles_at(&self, fraction: f64) -> [f64; 3] {
         std::array::from_fn(|i| self.from[i] + fraction * self.change[i])
@@ -68,8 +86,8 @@ impl Move {
     }
 
     /// (α, β, γ) at the start without whole turns, rad.
-    pub(crate) fn reduced_from(&self) -> [f64; 3] {
-        self.from.map(wrap_half_turn)
+    pub(crate) const fn reduced_from(&self) -> [f64; 3] {
+        self.reduced_from
     }
 
     /// The axis that takes longest, and how far it turns, rad.
@@ -256,12 +274,8 @@ impl Timeline {
         let motion = &platform.motion;
         from.map(|from| {
             let change = way(platform, from, p.position, p.change_deg);
-            let mut m = Move {
-                from: from.to_array(),
-                change: change.map(Degrees::rad),
-                duration_s: 0.0,
-                measured: p.move_measured.unwrap_or(motion.measure_moves),
-            };
+            let measured = p.move_measured.unwrap_or(motion.measure_moves);
+            let mut m = Move::new(from.to_array(), change.map(Degrees::rad), 0.0, measured);
             if motion.repositioning == Repositioning::Slew {
                 // What is left of a change by rounding angles is none: at a hundredth of a degree a
                 // second it would take longer than the slack that times are compared with.

@@ -67,6 +67,10 @@ impl CovarianceRoot {
 pub trait CoefficientCovariance {
     /// P_D, (°/h)².
     fn matrix(&self) -> &CoefficientMatrix;
+    /// Its diagonal, (°/h)².
+    fn variances(&self) -> CoefficientVector {
+        self.matrix().diagonal()
+    }
     /// A root of it, worked out when it is asked for.
     fn root(&self) -> Cow<'_, CovarianceRoot>;
     /// P over all that a figure of merit sees: other parameters, then the twelve, in their units and

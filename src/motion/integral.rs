@@ -242,12 +242,7 @@ mod tests {
             [6.0, 2.0, -12.0],
         ];
         for change in changes {
-            let m = Move {
-                from: [0.3, -0.8, 2.0],
-                change,
-                duration_s: 360.0,
-                measured: false,
-            };
+            let m = Move::new([0.3, -0.8, 2.0], change, 360.0, false);
             for (start, length) in [(0.0, 360.0), (120.0, 10.0), (357.0, 3.0)] {
                 let exact = fine(&m, &dynamics, start, length);
                 let error = (m.drift_integral(&dynamics, start, length) - exact).amax();
@@ -259,12 +254,7 @@ mod tests {
     #[test]
     fn a_slow_move_follows_the_earth() {
         let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
-        let m = Move {
-            from: [0.0; 3],
-            change: [0.02, 0.0, 0.0],
-            duration_s: 2e5,
-            measured: false,
-        };
+        let m = Move::new([0.0; 3], [0.02, 0.0, 0.0], 2e5, false);
         let error = (m.drift_integral(&dynamics, 0.0, 2e5) - fine(&m, &dynamics, 0.0, 2e5)).amax();
         assert!(error < 1e-12 * 2e5, "{error:e}");
     }

@@ -132,6 +132,10 @@ fn a_value_depends_on_its_schedule_alone() {
                 all.map(|v| v.unwrap().to_bits()).collect()
             };
             let known = values(&model, &timelines);
+            for (timeline, known) in timelines.iter().zip(&known) {
+                let alone = model.value(timeline, rule, merit).unwrap();
+                assert_eq!(alone.to_bits(), *known, "{kind:?} {rule:?} alone");
+            }
             for lanes in [1, 4, 8] {
                 model = model.with_most_lanes(lanes);
                 for first in [0, 3, 7] {

@@ -17,6 +17,7 @@ use super::moves::{Interval, Turn, drift_integral};
 use super::shape::{Drift, Shape};
 use super::square::{Entries, entries, product, rows, transpose};
 use super::{AzimuthStep, Carried, Collected, Collecting, DwellStep, MeasureStep, Place, Wide};
+use crate::motion::integral::Panels;
 
 /// An interval of a move without a measurement in it.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +34,31 @@ pub(crate) struct Stretch<N, P> {
     /// The weight of the measurement after it, 1/arcsec², and 1 where it follows the length, else
     /// 0.
     pub measured: Option<(N, N)>,
+}
+
+impl Stretch<f64, Panels> {
+    /// A stretch of no length, for lanes that have none.
+    pub fn nothing() -> Self {
+        Self {
+            turn: Turn {
+                from: [0.0; 3],
+                change: [0.0; 3],
+                duration_s: 1.0,
+                time: 1.0,
+                // Nothing happens in it, in no time or another.
+                instant: true,
+            },
+            interval: Interval {
+                start_s: 0.0,
+                length_s: 0.0,
+            },
+            elapsed_s: 0.0,
+            present: 0.0,
+            panels: Panels::of_half_phase(0.0),
+            last: 0.0,
+            measured: None,
+        }
+    }
 }
 
 /// The legs of a timeline, or of one per lane.
@@ -244,7 +270,7 @@ impl<A: Arithmetic, S: Collecting, L: Legs<A>, G: Gains<A>> Forward<'_, A, S, L,
     #[inline(always)]
     fn stretch(&mut self, leg: usize, index: usize, from: Option<&Place<A, S>>, at: &Place<A, S>) {
         let s = self.legs.stretch(leg, index);
-        let (passed, p, seen) = self.gains.stretch(leg, index);
+        let (passed, p, seen) = self.gains.stretch(&s);
         let b = drift_integral::<A, S>(self.ar, self.earth, &s.turn, &s.interval, &s.panels);
         if S::GROUPS > 1 {
             match from {

@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use pulp::Simd;
 
 use super::arithmetic::{Alignment, Arithmetic, Lanes, MOST_LANES, Number, Register, Row, three};
-use super::course::Legs;
+use super::course::{Legs, Stretch};
 use super::earth::{Earth, Passed};
 use super::square::{
     Entries, Square, condition, difference, entries, gram_of_rows, mirrored, product, rows,
@@ -191,7 +191,8 @@ fn lower_product<N: Number>(r: &Entries<N>, g: &Entries<N>) -> Entries<N> {
 }
 
 /// A measurement of ψ_x and ψ_z with information w each: with H = [ψ_x; ψ_z] and
-/// S = I + w H P Hᵀ = L D Lᵀ its rows are L⁻¹ H V and their weights w/D. Regular at w = 0.
+/// S = I + w H P Hᵀ = L D Lᵀ its rows are L⁻¹ H V and their weights w/D. At w = 0 nothing changes,
+/// to the bit: a lane whose dwells are whole periods may share the rests of others.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seen<A: Arithmetic> {
     /// w, 1/arcsec².
@@ -216,11 +217,12 @@ impl<A: Arithmetic> Seen<A> {
         let g = square_root(p);
         // w Gᵀ HᵀH G from the two rows of G that are seen.
         let m = three!(|i| three!(|j| weight * g[2][i].mul_add(g[2][j], g[0][i] * g[0][j])));
+        let after = condition(&g, &m);
         Self {
             weight,
             l,
             d: [d0, d1],
-            p: condition(&g, &m),
+            p: where_seen(weight, &after, p),
         }
     }
 }
@@ -245,12 +247,21 @@ impl<A: Arithmetic> Azimuth<A> {
         let g = square_root(p);
         // w Gᵀ HᵀH G from the row of G that is seen.
         let m = three!(|i| three!(|j| weight * g[UP][i] * g[UP][j]));
+        let after = condition(&g, &m);
         Self {
             weight,
             d: one / weight.mul_add(p[UP][UP], one),
-            p: condition(&g, &m),
+            p: where_seen(weight, &after, p),
         }
     }
+}
+
+/// P after a measurement, or P as it was where the measurement has no weight.
+#[inline(always)]
+fn where_seen<N: Number>(weight: N, after: &Entries<N>, before: &Entries<N>) -> Entries<N> {
+    let zero = weight.constant(0.0);
+    let before = mirrored(before);
+    three!(|i| three!(|j| after[i][j].where_greater(weight, zero, before[i][j])))
 }
 
 /// Time without a measurement, P at its end, and the measurement there.
@@ -266,8 +277,8 @@ pub(crate) trait Gains<A: Arithmetic> {
     fn p(&self) -> Entries<A::Number>;
     /// ψ^n ← q ψ^n.
     fn rotate(&mut self, q: &Entries<A::Number>);
-    /// A stretch of the move to a leg, with the measurement that ends it.
-    fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A>;
+    /// A stretch of a move, with the measurement that ends it.
+    fn stretch(&mut self, stretch: &Stretch<A::Number, A::Panels>) -> PassedThenSeen<A>;
     /// The settling of a leg.
     fn settle(&mut self, leg: usize) -> Passed<A>;
     /// The whole periods of its dwell; none where no lane has any.
@@ -325,8 +336,7 @@ impl<A: Arithmetic, L: Legs<A>> Gains<A> for Own<'_, A, L> {
         self.p = entries(&product(&half, &rows(self.ar, &transpose(q))));
     }
     #[inline(always)]
-    fn stretch(&mut self, leg: usize, index: usize) -> PassedThenSeen<A> {
-        let stretch = self.legs.stretch(leg, index);
+    fn stretch(&mut self, stretch: &Stretch<A::Number, A::Panels>) -> PassedThenSeen<A> {
         let passed = self.pass(stretch.elapsed_s);
         let p = self.p;
         match stretch.measured {

@@ -225,6 +225,36 @@ impl<A: Arithmetic> Factor<A> {
         CovarianceRoot::new(root, pivots)
     }
 
+    /// The diagonal of P_D, (°/h)², gyro by gyro, in the operations of [`Factor::covariance`].
+    #[inline(always)]
+    pub fn variances(&self, zero: A::Number) -> [A::Number; COEFFICIENTS] {
+        let mut p = [zero; COEFFICIENTS];
+        for (k, (row, d)) in self.w.iter().zip(&self.d).enumerate() {
+            for (i, p) in p.iter_mut().enumerate().take(k + 1) {
+                let entry = row[i / 4].get(i % 4);
+                *p = entry.mul_add(entry * *d, *p);
+            }
+        }
+        p
+    }
+
+    /// P_D, (°/h)², of one schedule in the order of the coefficients, in the operations of
+    /// [`Factor::covariance`]. `value` takes the number wanted.
+    pub fn matrix(&self, value: impl Fn(A::Number) -> f64) -> CoefficientMatrix {
+        let mut p = [[0.0; COEFFICIENTS]; COEFFICIENTS];
+        for (k, (row, d)) in self.w.iter().zip(&self.d).enumerate() {
+            let d = value(*d);
+            let row: [f64; COEFFICIENTS] = std::array::from_fn(|i| value(row[i / 4].get(i % 4)));
+            for i in 0..=k {
+                let factor = row[i] * d;
+                for j in i..=k {
+                    p[i][j] += row[j] * factor;
+                }
+            }
+        }
+        in_order(|i, j| p[i][j])
+    }
+
     /// P_D, (°/h)², one triangle as in [`Information`].
     #[inline(always)]
     pub fn covariance(&self, ar: A) -> Rows<A::Quad> {
@@ -265,20 +295,25 @@ impl PriorScale {
     }
 }
 
-/// A symmetric matrix, one triangle of which is given gyro by gyro, in the order of the
-/// coefficients.
+/// A symmetric matrix in the order of the coefficients, from its upper triangle gyro by gyro.
 #[inline(always)]
-pub(crate) fn to_coefficients<Q: Row<Number = f64>>(rows: &Rows<Q>) -> CoefficientMatrix {
+pub(crate) fn in_order(entry: impl Fn(usize, usize) -> f64) -> CoefficientMatrix {
     let mut out = CoefficientMatrix::zeros();
     for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
         for (b, &(j, sign_b)) in PLACES.iter().enumerate().take(a + 1) {
             let (low, high) = if i < j { (i, j) } else { (j, i) };
-            let entry = sign_a * sign_b * rows[low][high / 4].get(high % 4);
+            let entry = sign_a * sign_b * entry(low, high);
             out[(a, b)] = entry;
             out[(b, a)] = entry;
         }
     }
     out
+}
+
+/// [`in_order`] of rows.
+#[inline(always)]
+pub(crate) fn to_coefficients<Q: Row<Number = f64>>(rows: &Rows<Q>) -> CoefficientMatrix {
+    in_order(|i, j| rows[i][j / 4].get(j % 4))
 }
 
 /// A symmetric matrix over the coefficients, gyro by gyro.

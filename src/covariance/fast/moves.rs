@@ -512,12 +512,7 @@ mod tests {
             [-1.5, 1.0, 1.9],
             [6.0, 2.0, -12.0],
         ] {
-            let m = Move {
-                from: [0.3, -0.8, 2.0],
-                change,
-                duration_s: 360.0,
-                measured: false,
-            };
+            let m = Move::new([0.3, -0.8, 2.0], change, 360.0, false);
             for (start, length) in [(0.0, 360.0), (120.0, 10.0), (357.0, 3.0)] {
                 let expected = m.drift_integral(&dynamics, start, length);
                 let error = (integral(&m, &dynamics, start, length) - expected).amax();
@@ -530,12 +525,7 @@ mod tests {
     fn adjoint_is_the_derivative() {
         let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
         let weight = DriftMatrix::from_fn(|i, j| ((2 * i + 3 * j) as f64).cos());
-        let base = Move {
-            from: [0.3, -0.8, 2.0],
-            change: [1.1, -0.6, 0.4],
-            duration_s: 200.0,
-            measured: false,
-        };
+        let base = Move::new([0.3, -0.8, 2.0], [1.1, -0.6, 0.4], 200.0, false);
         let (start, length) = (30.0, 90.0);
         let f = |m: &Move| integral(m, &dynamics, start, length).dot(&weight);
         let mut wide = three!(|_i| three!(|_j| Plain.quad([0.0; 4])));

@@ -19,6 +19,7 @@ pub(super) mod gradients;
 mod wide;
 
 use std::borrow::Cow;
+use std::cell::OnceCell;
 
 use pulp::Simd;
 
@@ -29,7 +30,7 @@ use super::attitude_entries;
 use super::course::{Legs, Stretch, Tape};
 use super::dispatch::{LaneTask, run_in_lanes};
 use super::gains::DwellKernel;
-use super::information::{Factor, Information, PLACES, PriorScale, Rows, keeps_digits};
+use super::information::{Factor, Information, PLACES, PriorScale, Rows, in_order, keeps_digits};
 use super::moves::{Interval, Turn};
 use super::shape::{Drift, Facts};
 use super::single::OneTimeline;
@@ -39,7 +40,7 @@ use crate::covariance::{
     CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite,
     split_periods,
 };
-use crate::drift::CoefficientMatrix;
+use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::motion::integral::Panels;
 use crate::motion::{Leg, Timeline};
@@ -90,29 +91,6 @@ fn leg_or_last<'t>(t: &OneTimeline<'t, Plain>, leg: usize) -> Option<&'t Leg> {
     legs.get(leg).or(legs.last())
 }
 
-/// A stretch of no length, for lanes that have none.
-fn no_stretch() -> Stretch<f64, Panels> {
-    Stretch {
-        turn: Turn {
-            from: [0.0; 3],
-            change: [0.0; 3],
-            duration_s: 1.0,
-            time: 1.0,
-            // Nothing happens in it, in no time or another.
-            instant: true,
-        },
-        interval: Interval {
-            start_s: 0.0,
-            length_s: 0.0,
-        },
-        elapsed_s: 0.0,
-        present: 0.0,
-        panels: Panels::of_half_phase(0.0),
-        last: 0.0,
-        measured: None,
-    }
-}
-
 impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
     #[inline(always)]
     fn count(&self) -> usize {
@@ -157,7 +135,7 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
     }
     #[inline(always)]
     fn stretch(&self, leg: usize, index: usize) -> Stretch<Lane<S, L>, [Panels; MOST_LANES]> {
-        let mut of = [no_stretch(); MOST_LANES];
+        let mut of = [Stretch::nothing(); MOST_LANES];
         for (lane, slot) in of.iter_mut().enumerate().take(S::F64_LANES) {
             let t = self.lane(lane);
             if leg < t.count() && index < t.stretches(leg) {
@@ -303,16 +281,7 @@ fn covariance_of_lane<S: Simd, L: Alignment>(
     p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
     lane: usize,
 ) -> CoefficientMatrix {
-    let mut out = CoefficientMatrix::zeros();
-    for (a, &(i, sign_a)) in PLACES.iter().enumerate() {
-        for (b, &(j, sign_b)) in PLACES.iter().enumerate().take(a + 1) {
-            let (low, high) = if i < j { (i, j) } else { (j, i) };
-            let entry = sign_a * sign_b * p[low][high / 4].get(high % 4).lane(lane);
-            out[(a, b)] = entry;
-            out[(b, a)] = entry;
-        }
-    }
-    out
+    in_order(|i, j| p[i][j / 4].get(j % 4).lane(lane))
 }
 
 /// Whether the covariance of one lane has the digits that a search needs.
@@ -322,20 +291,39 @@ fn keeps_digits_in<S: Simd, L: Alignment>(factor: &Factor<Lanes<S, L>>, lane: us
 
 /// P_D of one lane.
 struct OfLane<'a, S: Simd, L: Alignment> {
-    matrix: CoefficientMatrix,
+    variances: CoefficientVector,
+    /// Worked out when it is asked for: most figures of merit need the variances alone.
+    matrix: OnceCell<CoefficientMatrix>,
     factor: &'a Factor<Lanes<S, L>>,
     lane: usize,
 }
 
 impl<'a, S: Simd, L: Alignment> OfLane<'a, S, L> {
     #[inline(always)]
-    fn new(
+    fn new(variances: &Variances<S, L>, factor: &'a Factor<Lanes<S, L>>, lane: usize) -> Self {
+        let mut of_lane = CoefficientVector::zeros();
+        for (c, &(i, _)) in PLACES.iter().enumerate() {
+            of_lane[c] = variances[i].lane(lane);
+        }
+        Self {
+            variances: of_lane,
+            matrix: OnceCell::new(),
+            factor,
+            lane,
+        }
+    }
+
+    /// With P_D known of every lane.
+    #[inline(always)]
+    fn known(
         p: &Rows<<Lanes<S, L> as Arithmetic>::Quad>,
         factor: &'a Factor<Lanes<S, L>>,
         lane: usize,
     ) -> Self {
+        let matrix = covariance_of_lane::<S, L>(p, lane);
         Self {
-            matrix: covariance_of_lane::<S, L>(p, lane),
+            variances: matrix.diagonal(),
+            matrix: OnceCell::from(matrix),
             factor,
             lane,
         }
@@ -344,7 +332,11 @@ impl<'a, S: Simd, L: Alignment> OfLane<'a, S, L> {
 
 impl<S: Simd, L: Alignment> CoefficientCovariance for OfLane<'_, S, L> {
     fn matrix(&self) -> &CoefficientMatrix {
-        &self.matrix
+        self.matrix
+            .get_or_init(|| self.factor.matrix(|v| v.lane(self.lane)))
+    }
+    fn variances(&self) -> CoefficientVector {
+        self.variances
     }
     fn root(&self) -> Cow<'_, CovarianceRoot> {
         Cow::Owned(self.factor.root(|v| v.lane(self.lane)))
@@ -374,6 +366,20 @@ impl<S: Simd, L: Alignment> Work for Covariance<'_, S, L> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         self.1.covariance(self.0)
+    }
+}
+
+/// Variance of every coefficient, gyro by gyro.
+type Variances<S, L> = [Lane<S, L>; COEFFICIENTS];
+
+/// The diagonal of P_D from its factors.
+struct Diagonal<'a, S: Simd, L: Alignment>(Lanes<S, L>, &'a Factor<Lanes<S, L>>);
+
+impl<S: Simd, L: Alignment> Work for Diagonal<'_, S, L> {
+    type Output = Variances<S, L>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        self.1.variances(self.0.number(0.0))
     }
 }
 
@@ -416,14 +422,13 @@ impl LaneTask for Values<'_> {
             steps: Vec::new(),
         };
         for of in self.batch.groups(S::F64_LANES) {
-            // Whatever the rests of the others, each dwell ends with the steps of one.
-            let group = self.batch.group(ar, &of, true);
+            let group = self.batch.group(ar, &of, false);
             let information = run(&group, self.between, &mut tape);
             let factor = ar.apart(Factorise(ar, &information, &self.batch.model.prior_scale));
-            let p = ar.apart(Covariance(ar, &factor));
+            let variances = ar.apart(Diagonal(ar, &factor));
             for (lane, &i) in of.iter().enumerate() {
                 out[i] = match keeps_digits_in(&factor, lane) {
-                    true => (self.merit)(&OfLane::new(&p, &factor, lane)),
+                    true => (self.merit)(&OfLane::new(&variances, &factor, lane)),
                     false => self.by_rows(i),
                 };
             }
@@ -455,9 +460,7 @@ impl CovarianceModel {
 
     /// A figure of merit of every timeline, several at once: `merit` takes P_D.
     ///
-    /// A timeline's value depends on nothing but the timeline; it is that of
-    /// [`CovarianceModel::value`] to rounding, a dwell of whole periods having a rest of no length
-    /// here.
+    /// Each has the bits that [`CovarianceModel::value`] gives it alone.
     ///
     /// # Errors
     ///

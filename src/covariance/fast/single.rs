@@ -73,10 +73,6 @@ impl<A: Single> OneTimeline<'_, A> {
 
     /// A move without duration, as if it took a second in which nothing else happens.
     fn jump(&self, m: &Move) -> Stretch<f64, Panels> {
-        let in_a_second = Move {
-            duration_s: 1.0,
-            ..*m
-        };
         Stretch {
             turn: Turn {
                 from: m.reduced_from(),
@@ -89,7 +85,7 @@ impl<A: Single> OneTimeline<'_, A> {
                 start_s: 0.0,
                 length_s: 1.0,
             },
-            panels: self.panels(&in_a_second, 1.0),
+            panels: self.panels(&m.lasting(1.0), 1.0),
             elapsed_s: 0.0,
             present: 1.0,
             last: 0.0,
@@ -134,13 +130,9 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     #[inline(always)]
     fn stretch(&self, leg: usize, index: usize) -> Stretch<f64, Panels> {
         // Only called for legs that have stretches, hence a move.
-        let none = Move {
-            from: [0.0; 3],
-            change: [0.0; 3],
-            duration_s: 1.0,
-            measured: false,
+        let Some(m) = self.slew(leg) else {
+            return Stretch::nothing();
         };
-        let m = self.slew(leg).unwrap_or(&none);
         if m.duration_s <= 0.0 {
             return self.jump(m);
         }

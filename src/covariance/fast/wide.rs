@@ -58,7 +58,7 @@ impl<S: WideShape> Task for ToEnd<'_, S> {
             model,
             timeline: self.timeline,
             rule: self.rule,
-            keep_empty: keeps_tape || self.how.in_step,
+            keep_empty: keeps_tape,
             facts: Facts::of::<S>(),
         };
         let mut tape = take_tape(keeps_tape);
@@ -230,21 +230,6 @@ impl CovarianceModel {
             How::default(),
             Wanted::Value(&mut merit),
         )
-    }
-
-    /// The same with the bits that it has in lanes.
-    pub(super) fn wide_value_in_step(
-        &self,
-        mixing: &Mixing,
-        timeline: &Timeline,
-        rule: TickRule,
-        merit: Merit<'_, f64>,
-    ) -> Result<f64> {
-        let how = How {
-            in_step: true,
-            ..How::default()
-        };
-        self.to_wide_end(mixing, timeline, rule, how, Wanted::Value(merit))
     }
 
     /// As [`CovarianceModel::gradient`], with the parameters of `mixing`.

@@ -84,12 +84,7 @@ fn at_a_position_it_is_the_integral() {
 #[test]
 fn intervals_compose_at_a_position_and_in_a_move() {
     let (layout, dynamics) = (layout(), dynamics());
-    let m = Move {
-        from: [0.3, -0.8, 2.0],
-        change: [3.0, -2.5, 1.9],
-        duration_s: 1500.0,
-        measured: false,
-    };
+    let m = Move::new([0.3, -0.8, 2.0], [3.0, -2.5, 1.9], 1500.0, false);
     for cut_s in [10.0, 700.0, 1470.0] {
         let held = |s| Passed::<f64>::held(&layout, &dynamics, Q, s);
         let moved = |start, s| Passed::<f64>::moved(&layout, &dynamics, Q, &m, (start, s));
@@ -114,12 +109,7 @@ fn intervals_compose_at_a_position_and_in_a_move() {
 fn a_move_that_does_not_move_is_a_position() {
     let (layout, dynamics) = (layout(), dynamics());
     let position = Position::from_deg(20.0, -50.0, 110.0);
-    let m = Move {
-        from: position.to_array(),
-        change: [0.0; 3],
-        duration_s: 900.0,
-        measured: false,
-    };
+    let m = Move::new(position.to_array(), [0.0; 3], 900.0, false);
     let moved = Passed::<f64>::moved(&layout, &dynamics, Q, &m, (0.0, 900.0));
     let held = Passed::<f64>::held(&layout, &dynamics, Q, 900.0);
     let mut turn = DMatrix::identity(layout.states(), layout.states());

@@ -164,7 +164,7 @@ impl Gradients<'_> {
                 self.alone.push(i);
                 continue;
             }
-            let of = OfLane::new(p, factor, lane);
+            let of = OfLane::known(p, factor, lane);
             self.out[i] = (self.merit)(&of).map(|(value, slope)| {
                 slopes.set(lane, &slope, &of);
                 (value, Vec::new())

@@ -60,7 +60,7 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
         let model = self.batch.model;
         let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
         for of in self.batch.groups(S::F64_LANES) {
-            let group = self.batch.group(ar, &of, true);
+            let group = self.batch.group(ar, &of, false);
             let posterior = posterior(&group, self.mixing, &earth, &mut tape);
             for (lane, &i) in of.iter().enumerate() {
                 let value = |v: Lane<S, L>| v.lane(lane);
@@ -196,9 +196,8 @@ impl CovarianceModel {
                 };
                 // Plain numbers need no lanes of their own.
                 run_in_registers(self.most_lanes, values).unwrap_or_else(|values| {
-                    let alone = |timeline| {
-                        self.wide_value_in_step(mixing, timeline, rule, &mut |p| (values.merit)(p))
-                    };
+                    let alone =
+                        |timeline| self.wide_value(mixing, timeline, rule, |p| (values.merit)(p));
                     timelines.iter().map(alone).collect()
                 })
             }};
