@@ -83,8 +83,9 @@ impl Position {
 
     /// From the array `[α, β, γ]`, rad, as [`Position::from_rad`].
     pub fn from_array(angles: [f64; 3]) -> Self {
+        let [alpha, beta, gamma] = angles;
         Self {
-            deg: angles.map(deg_of_rad),
+            deg: [deg_of_rad(alpha), deg_of_rad(beta), deg_of_rad(gamma)],
         }
     }
 
@@ -106,7 +107,8 @@ impl Position {
     /// The angles in whole 1e-9° and the rest.
     #[inline]
     pub(crate) fn exact(self) -> [Degrees; 3] {
-        self.deg.map(Degrees::new)
+        let [alpha, beta, gamma] = self.deg;
+        [Degrees::new(alpha), Degrees::new(beta), Degrees::new(gamma)]
     }
 
     /// The angles in whole 1e-9°: what decides whether two positions are the same.
@@ -117,7 +119,7 @@ impl Position {
     /// (sin, cos) of α, β, γ.
     #[inline]
     pub(crate) fn sines(self) -> [(f64, f64); 3] {
-        self.exact().map(Degrees::sine_cosine)
+        sines(self.exact())
     }
 
     /// (sin α, cos α).
@@ -144,8 +146,26 @@ impl Position {
 
     /// The attitude C_c^n of this position, (19).
     pub fn attitude(self) -> Attitude {
-        let [(sa, ca), (sb, cb), (sg, cg)] = self.sines();
-        Attitude(Matrix3::new(
+        Attitude::of_angles(self.exact())
+    }
+}
+
+/// (sin, cos) of three angles.
+#[inline]
+fn sines([alpha, beta, gamma]: [Degrees; 3]) -> [(f64, f64); 3] {
+    [alpha.sine_cosine(), beta.sine_cosine(), gamma.sine_cosine()]
+}
+
+/// The attitude matrix C_c^n: takes components in c to components in n. A rotation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attitude(Matrix3<f64>);
+
+impl Attitude {
+    /// C_c^n of the angles (α, β, γ), (19).
+    #[inline]
+    pub(crate) fn of_angles(angles: [Degrees; 3]) -> Self {
+        let [(sa, ca), (sb, cb), (sg, cg)] = sines(angles);
+        Self(Matrix3::new(
             cb * cg,
             cb * sg,
             -sb,
@@ -157,13 +177,7 @@ impl Position {
             ca * cb,
         ))
     }
-}
 
-/// The attitude matrix C_c^n: takes components in c to components in n. A rotation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Attitude(Matrix3<f64>);
-
-impl Attitude {
     /// From a rotation.
     pub fn from_rotation(rotation: Rotation3<f64>) -> Self {
         Self(rotation.into_inner())

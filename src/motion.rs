@@ -31,6 +31,7 @@ pub use test::Test;
 use way::check_way;
 pub use way::gimbal_change;
 pub(crate) use way::way;
+use way::way_between;
 
 use crate::attitude::{Attitude, Degrees, Position, wrap_half_turn};
 use crate::error::{Error, Result};
@@ -52,8 +53,8 @@ pub struct Move {
     pub duration_s: f64,
     /// Whether the filter measures meanwhile.
     pub measured: bool,
-    /// `from` without whole turns: kept, since a search asks for it thousands of times.
-    reduced_from: [f64; 3],
+    /// `from` without whole turns, of a move that takes time: a search asks for it again and again.
+    reduced_from: Option<[f64; 3]>,
 }
 
 impl Move {
@@ -64,7 +65,7 @@ impl Move {
             change,
             duration_s,
             measured,
-            reduced_from: from.map(wrap_half_turn),
+            reduced_from: (duration_s > 0.0).then(|| from.map(wrap_half_turn)),
         }
     }
 
@@ -86,19 +87,43 @@ impl Move {
     }
 
     /// (α, β, γ) at the start without whole turns, rad.
-    pub(crate) const fn reduced_from(&self) -> [f64; 3] {
+    #[inline]
+    pub(crate) fn reduced_from(&self) -> [f64; 3] {
         self.reduced_from
+            .unwrap_or_else(|| self.from.map(wrap_half_turn))
     }
 
     /// The axis that takes longest, and how far it turns, rad.
     pub fn slowest_axis(&self) -> (usize, f64) {
-        let mut slowest = (0, 0.0);
-        for (i, change) in self.change.iter().enumerate() {
-            if change.abs() > slowest.1 {
-                slowest = (i, change.abs());
-            }
+        slowest_axis(&self.change)
+    }
+}
+
+/// The axis that takes longest, and how far it turns, rad.
+fn slowest_axis(change: &[f64; 3]) -> (usize, f64) {
+    let mut slowest = (0, 0.0);
+    for (i, change) in change.iter().enumerate() {
+        if change.abs() > slowest.1 {
+            slowest = (i, change.abs());
         }
-        slowest
+    }
+    slowest
+}
+
+/// A position with its angles taken apart.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    position: Position,
+    angles: [Degrees; 3],
+}
+
+impl Place {
+    #[inline]
+    fn new(position: Position) -> Self {
+        Self {
+            position,
+            angles: position.exact(),
+        }
     }
 }
 
@@ -174,19 +199,20 @@ impl Timeline {
         let platform = test.platform();
         let motion = &platform.motion;
         let mut legs: Vec<Leg> = Vec::with_capacity(positions.len() + 2);
+        // Angles are taken apart once for a position, not again as the next one's start.
+        let mut from: Option<Place> = None;
+        let mut add = |p: &ScheduledPosition| {
+            let to = Place::new(p.position);
+            legs.push(Self::leg_to(platform, from.as_ref(), &to, p));
+            from = Some(to);
+        };
         if let Some(start) = motion.start {
-            let held = ScheduledPosition::new(start, 0.0);
-            legs.push(Self::leg(platform, None, &held));
+            add(&ScheduledPosition::new(start, 0.0));
         }
-        for p in test.done().iter().flat_map(|d| d.positions()) {
-            let from = legs.last().map(|leg| leg.position);
-            legs.push(Self::leg(platform, from, p));
-        }
-        let first = legs.len();
-        for p in positions {
-            let from = legs.last().map(|leg| leg.position);
-            legs.push(Self::leg(platform, from, &p));
-        }
+        let done = test.done().map_or(&[][..], Schedule::positions);
+        done.iter().for_each(&mut add);
+        positions.for_each(|p| add(&p));
+        let first = usize::from(motion.start.is_some()) + done.len();
         let positions = first..legs.len();
         if let (true, Some(first), Some(last)) = (motion.return_to_start, legs.first(), legs.last())
         {
@@ -227,7 +253,8 @@ impl Timeline {
                 move_measured: is_return.then_some(false),
                 ..ScheduledPosition::new(leg.position, leg.dwell_s)
             };
-            leg.arrival = Self::arrival(platform, Some(from), &held);
+            let to = Place::new(leg.position);
+            leg.arrival = Some(Self::arrival(platform, &Place::new(from), &to, &held));
             (leg, leg.duration_s() - self.legs[k].duration_s())
         };
         let before = at.checked_sub(1).map(|k| self.legs[k].position);
@@ -270,29 +297,36 @@ impl Timeline {
     }
 
     /// The move to a position, from where there is one.
-    fn arrival(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Option<Move> {
+    #[inline]
+    fn arrival(platform: &Platform, from: &Place, to: &Place, p: &ScheduledPosition) -> Move {
         let motion = &platform.motion;
-        from.map(|from| {
-            let change = way(platform, from, p.position, p.change_deg);
-            let measured = p.move_measured.unwrap_or(motion.measure_moves);
-            let mut m = Move::new(from.to_array(), change.map(Degrees::rad), 0.0, measured);
-            if motion.repositioning == Repositioning::Slew {
+        let way = way_between(platform, from.angles, to.angles, p.change_deg);
+        let change = [way[0].rad(), way[1].rad(), way[2].rad()];
+        let duration_s = match motion.repositioning {
+            Repositioning::Slew => p.move_s.unwrap_or_else(|| {
                 // What is left of a change by rounding angles is none: at a hundredth of a degree a
                 // second it would take longer than the slack that times are compared with.
-                let moves = change.iter().any(|c| c.deg().abs() > SAME_ANGLE_DEG);
-                let by_rate = match motion.slew_rate_rad_per_s {
-                    Some(rate) if moves => m.slowest_axis().1 / rate,
+                let moves = way.iter().any(|c| c.deg().abs() > SAME_ANGLE_DEG);
+                match motion.slew_rate_rad_per_s {
+                    Some(rate) if moves => slowest_axis(&change).1 / rate,
                     _ => 0.0,
-                };
-                m.duration_s = p.move_s.unwrap_or(by_rate);
-            }
-            m
-        })
+                }
+            }),
+            Repositioning::FrameHold => 0.0,
+        };
+        let measured = p.move_measured.unwrap_or(motion.measure_moves);
+        Move::new(from.position.to_array(), change, duration_s, measured)
     }
 
     /// One leg, unchecked.
     fn leg(platform: &Platform, from: Option<Position>, p: &ScheduledPosition) -> Leg {
-        let arrival = Self::arrival(platform, from, p);
+        let from = from.map(Place::new);
+        Self::leg_to(platform, from.as_ref(), &Place::new(p.position), p)
+    }
+
+    #[inline]
+    fn leg_to(platform: &Platform, from: Option<&Place>, to: &Place, p: &ScheduledPosition) -> Leg {
+        let arrival = from.map(|from| Self::arrival(platform, from, to, p));
         Leg {
             arrival,
             settle_s: match arrival {
@@ -300,7 +334,7 @@ impl Timeline {
                 _ => 0.0,
             },
             position: p.position,
-            attitude: p.position.attitude(),
+            attitude: Attitude::of_angles(to.angles),
             dwell_s: p.dwell_s,
         }
     }

@@ -28,9 +28,15 @@ impl NanoDegrees {
     /// Beyond this (of angles that no schedule may hold) sums could overflow.
     const LARGEST: f64 = 2e18;
 
-    /// The nearest to an angle in degrees.
+    /// The nearest to an angle in degrees, from the middle away from zero.
+    #[inline]
     pub fn nearest(deg: f64) -> Self {
-        Self((deg * PER_DEG).round().clamp(-Self::LARGEST, Self::LARGEST) as i64)
+        // As `round` has it, which is a call where the processor's own rounding may be missing; a
+        // search asks a million times a second.
+        let scaled = (deg * PER_DEG).clamp(-Self::LARGEST, Self::LARGEST);
+        let whole = scaled as i64;
+        let rest = scaled - whole as f64;
+        Self(whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5))
     }
 
     /// That many.
@@ -44,12 +50,17 @@ impl NanoDegrees {
     }
 
     /// In degrees: the double nearest to the decimal.
+    #[inline]
     pub fn deg(self) -> f64 {
         self.0 as f64 / PER_DEG
     }
 
     /// Without whole turns, in (−180°, 180°]: a half turn is positive.
+    #[inline]
     pub const fn wrapped(self) -> Self {
+        if -Self::HALF_TURN.0 < self.0 && self.0 <= Self::HALF_TURN.0 {
+            return self;
+        }
         let once = self.0.rem_euclid(Self::TURN.0);
         Self(if once > Self::HALF_TURN.0 {
             once - Self::TURN.0
@@ -103,6 +114,7 @@ impl From<NanoDegrees> for Degrees {
 
 impl Degrees {
     /// An angle in degrees.
+    #[inline]
     pub fn new(deg: f64) -> Self {
         let nano = NanoDegrees::nearest(deg);
         // Exact: the two are next to each other.
@@ -210,12 +222,14 @@ impl Reduced {
 
 /// Radians in degrees. What was a decimal of up to nine places before it became radians is that
 /// decimal again.
+#[inline]
 pub(crate) fn deg_of_rad(rad: f64) -> f64 {
     decimal(rad / RAD_PER_DEG)
 }
 
 /// The decimal of up to nine places that a computed angle (degrees) is but for two or three
 /// roundings; otherwise the angle itself.
+#[inline]
 pub(crate) fn decimal(deg: f64) -> f64 {
     let decimal = NanoDegrees::nearest(deg).deg();
     match (deg - decimal).abs() <= 4.0 * f64::EPSILON * deg.abs() {
@@ -247,6 +261,35 @@ mod tests {
             assert_eq!(at(900 - tenths), (cos, sin));
             let x = f64::from(tenths) / 10.0 * RAD_PER_DEG;
             assert!((sin - x.sin()).abs() < 1e-15 && (cos - x.cos()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn the_nearest_is_that_of_round() {
+        let ends = [
+            0.0,
+            -0.0,
+            0.5e-9,
+            -0.5e-9,
+            1.5e-9,
+            2.5e-9,
+            0.499_999_999_999_999_94e-9,
+        ];
+        let more = [
+            360.0,
+            1e-12,
+            4.5e6 + 0.5e-9,
+            1e9,
+            -1e10,
+            f64::MAX,
+            f64::INFINITY,
+            f64::NAN,
+        ];
+        let others = (0..2000).map(|k| 17.3 * f64::from(k).sin() * f64::from(k % 40 - 20).exp2());
+        for deg in ends.into_iter().chain(more).chain(others) {
+            let round = (deg * 1e9).round().clamp(-2e18, 2e18) as i64;
+            assert_eq!(NanoDegrees::nearest(deg).count(), round, "{deg:e}");
+            assert_eq!(NanoDegrees::nearest(-deg).count(), -round, "{deg:e}");
         }
     }
 

@@ -20,10 +20,21 @@ pub(crate) fn way(
     to: Position,
     given: Option<[f64; 3]>,
 ) -> [Degrees; 3] {
-    let (from, to) = (from.exact(), to.exact());
-    std::array::from_fn(|i| {
+    way_between(platform, from.exact(), to.exact(), given)
+}
+
+/// The same between angles.
+#[inline]
+pub(super) fn way_between(
+    platform: &Platform,
+    from: [Degrees; 3],
+    to: [Degrees; 3],
+    given: Option<[f64; 3]>,
+) -> [Degrees; 3] {
+    let mut change = to;
+    for i in 0..3 {
         let straight = to[i] - from[i];
-        match (platform.gimbals.ranges[i], given) {
+        change[i] = match (platform.gimbals.ranges[i], given) {
             (Some(_), _) => straight,
             (None, None) => straight.wrapped(),
             (None, Some(given)) => {
@@ -34,8 +45,9 @@ pub(crate) fn way(
                     ..straight
                 }
             }
-        }
-    })
+        };
+    }
+    change
 }
 
 /// Checks a way that is given against the positions it joins, and the ranges.
