@@ -228,6 +228,14 @@ impl Timeline {
         Self { legs, positions }
     }
 
+    /// The same with other dwells at the positions of the schedule, s: the moves do not depend on them.
+    pub(crate) fn with_dwells(mut self, dwell_s: impl IntoIterator<Item = f64>) -> Self {
+        for (leg, dwell_s) in self.legs[self.positions.clone()].iter_mut().zip(dwell_s) {
+            leg.dwell_s = dwell_s;
+        }
+        self
+    }
+
     /// Position `index` exchanged for another one, its dwell kept: its leg and the arrival at the
     /// one that follows, and how much longer the whole takes, s. For timelines without moves of
     /// their own.

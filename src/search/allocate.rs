@@ -111,6 +111,13 @@ struct LocalModel {
     curvature: Vec<f64>,
 }
 
+/// The timeline of a plan with one of its dwells longer.
+fn longer(timeline: &Timeline, plan: &Plan, position: usize, by_s: f64) -> Timeline {
+    let dwells = plan.dwell_s.iter().enumerate();
+    let dwells = dwells.map(|(k, d)| if k == position { d + by_s } else { *d });
+    timeline.clone().with_dwells(dwells)
+}
+
 impl LocalModel {
     fn around(
         evaluator: &Evaluator,
@@ -132,24 +139,21 @@ impl LocalModel {
         let (_, slope) = evaluator.merit_and_slope(&end, smoothing).ok()?;
         let slope = slope.in_root(&end);
         let root = end.root();
-        let information = |plan: &Plan| {
+        let information = |timeline: &Timeline| {
             let mut seen = SeenThrough {
                 root: root.matrix(),
                 sum: CoefficientMatrix::zeros(),
             };
-            let timeline = plan.timeline(test);
-            model.run(&timeline, TickRule::Relaxed, &mut seen, &mut NoRecord);
+            model.run(timeline, TickRule::Relaxed, &mut seen, &mut NoRecord);
             seen.sum
         };
-        let here = information(plan);
+        let here = information(&timeline);
         // One period ahead: long against rounding, short against the dwell.
         let ahead = test.platform().period_s();
         let mut pulled = Vec::with_capacity(count);
         let mut gradient = Vec::with_capacity(count);
         for k in 0..count {
-            let mut longer = plan.clone();
-            longer.dwell_s[k] += ahead;
-            let rate = (information(&longer) - here) / ahead;
+            let rate = (information(&longer(&timeline, plan, k, ahead)) - here) / ahead;
             gradient.push(-slope.dot(&rate));
             pulled.push((rate, slope * rate));
         }
@@ -179,13 +183,9 @@ impl LocalModel {
         // One period ahead: long against rounding, short against the dwell.
         let ahead = test.platform().period_s();
         work.count_evaluations(count as u64 + 1);
-        let longer = (0..count).map(|k| {
-            let mut longer = plan.clone();
-            longer.dwell_s[k] += ahead;
-            longer
-        });
-        let plans = std::iter::once(plan.clone()).chain(longer);
-        let timelines: Vec<Timeline> = plans.map(|p| p.timeline(test)).collect();
+        let here = plan.timeline(test);
+        let all_longer = (0..count).map(|k| longer(&here, plan, k, ahead));
+        let timelines: Vec<Timeline> = std::iter::once(here.clone()).chain(all_longer).collect();
         let held = timelines[0].positions();
         let slopes = evaluator.merit_gradients(&timelines, smoothing);
         let slopes: Option<Vec<Vec<f64>>> = slopes

@@ -118,30 +118,39 @@ impl<'a> Variables<'a> {
 
     /// The plan of `x`; none when its moves and settles leave no time for the minimum dwells.
     pub fn decode(&self, x: &[f64]) -> Option<Plan> {
+        Some(self.decode_with_timeline(x)?.0)
+    }
+
+    /// The plan of `x` and its timeline, made once: what moves leave of the time is known from it.
+    fn decode_with_timeline(&self, x: &[f64]) -> Option<(Plan, Timeline)> {
         let angles: Vec<[f64; 3]> = x
             .chunks_exact(PER_POSITION)
             .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
-            return Some(Plan::of_unwound(self.test, angles, dwell_s.clone()));
+            let plan = Plan::of_unwound(self.test, angles, dwell_s.clone());
+            let timeline = plan.timeline(self.test);
+            return Some((plan, timeline));
         }
         let count = angles.len();
         let mut plan = Plan::of_unwound(self.test, angles, vec![0.0; count]);
         let min_dwell_s = self.test.platform().shortest_dwell_s();
-        let spare = self.total_time_s - plan.overhead_s(self.test) - count as f64 * min_dwell_s;
+        let timeline = plan.timeline(self.test);
+        let spare = self.total_time_s - timeline.overhead_s() - count as f64 * min_dwell_s;
         if spare.is_nan() || spare <= 0.0 {
             return None;
         }
         for (dwell, share) in plan.dwell_s.iter_mut().zip(shares(x, PER_POSITION)) {
             *dwell = min_dwell_s + spare * share;
         }
-        Some(plan)
+        let timeline = timeline.with_dwells(plan.dwell_s.iter().copied());
+        Some((plan, timeline))
     }
 }
 
 impl Coordinates for Variables<'_> {
     fn timeline(&self, x: &[f64]) -> Option<Timeline> {
-        Some(self.decode(x)?.timeline(self.test))
+        Some(self.decode_with_timeline(x)?.1)
     }
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {
