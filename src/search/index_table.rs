@@ -426,6 +426,7 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
 
 #[cfg(test)]
 mod tests {
+    use std::ops::RangeInclusive;
 
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
@@ -434,8 +435,13 @@ mod tests {
     use crate::search::{Control, SearchProblem, search};
 
     fn evaluator() -> Evaluator {
+        evaluator_with(|_| {})
+    }
+
+    fn evaluator_with(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
         let mut config = PlatformConfig::default();
         config.gimbals.step_deg = Some(90.0);
+        change(&mut config);
         // What is enumerated is rated by the criterion.
         let objective = Objective {
             separability_weight: 0.0,
@@ -492,19 +498,31 @@ mod tests {
     /// any reallocation makes up for, with dwells allocated too.
     #[test]
     fn up_to_four_positions_are_the_exact_optimum() {
+        are_the_exact_optimum(&evaluator(), 1..=4);
+    }
+
+    /// Where exchanges are estimated with what wanders.
+    #[test]
+    fn where_drift_walks_up_to_three_positions_are_the_exact_optimum() {
+        let walking = evaluator_with(|config| {
+            config.gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(0.003);
+        });
+        are_the_exact_optimum(&walking, 1..=3);
+    }
+
+    fn are_the_exact_optimum(evaluator: &Evaluator, counts: RangeInclusive<usize>) {
         /// Sequences whose dwells are allocated.
         const ALLOCATED: usize = 400;
-        let evaluator = evaluator();
         let work = WorkDone::default();
         let control = Control::default();
-        for count in 1..=4 {
+        for count in counts {
             let problem = SearchProblem {
                 max_positions: count,
                 position_tolerance: 0.0,
                 ..SearchProblem::default()
             };
             let context = Context {
-                evaluator: &evaluator,
+                evaluator,
                 problem: &problem,
                 control: &control,
                 work: &work,
@@ -523,7 +541,7 @@ mod tests {
             if allocated.len() == ALLOCATED {
                 assert!(last_equal - most_gained > optimum, "{count} positions");
             }
-            let found = search(&evaluator, &problem, &control).unwrap();
+            let found = search(evaluator, &problem, &control).unwrap();
             let found = found.evaluation.score.criterion.ln();
             // Whole filter periods cost a few millionths, and an allocation stops about as far
             // from its best.
