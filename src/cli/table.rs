@@ -476,9 +476,9 @@ mod tests {
         let (narrow, widths) = with_whole_words(&columns, rows(), 50);
         assert_eq!(
             narrow[0][0],
-            "accelerometer.\nacceleration_random_\nwalk_ug_per_sqrt_h"
+            "accelerometer.acceleration_\nrandom_walk_ug_per_sqrt_h"
         );
-        assert_eq!(widths, [20, 7, 6]);
+        assert_eq!(widths, [27, 7, 6]);
         // A word without a dot or an underscore stays what it is.
         assert_eq!(broken("constantinople or", 5), "constantinople or");
         assert_eq!(broken("a_b_c d", 4), "a_b_\nc d");

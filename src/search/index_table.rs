@@ -39,6 +39,8 @@ const SWEEPS: usize = 12;
 const ROUNDS: usize = 6;
 /// An exchange has to gain this much.
 const GAIN: f64 = 1e-10;
+/// Where drift or biases wander, positions of which it is tried what the dwells make of their absence.
+const DROPPED: usize = 4;
 
 /// Which places an exchange tries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -410,8 +412,16 @@ fn rate_all(context: Context<'_>, plans: Vec<Plan>, smoothing: Smoothing) -> Vec
 /// tolerance by it.
 fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
     while current.plan.angles.len() > 1 && !context.must_stop() {
-        let fewer = (0..current.plan.angles.len())
-            .filter_map(|k| rate(context, &current.plan.without(k), smoothing))
+        let positions = 0..current.plan.angles.len();
+        let without = positions.map(|k| current.plan.without(k)).collect();
+        let mut fewer = rate_all(context, without, smoothing);
+        if !context.evaluator.model().is_white() {
+            // An allocation takes as long as many ratings there, and positions are twice as many.
+            fewer.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+            fewer.truncate(DROPPED);
+        }
+        let fewer = fewer
+            .into_iter()
             .map(|refined| allocate(context, refined, smoothing))
             .reduce(Refined::better);
         match fewer {
