@@ -364,7 +364,7 @@ impl Warnings {
         let weights = &objective.weights;
         let default = weights.default.map(|w| ("default", w));
         let of_drift = weights.coefficients.iter().map(|(c, w)| (c.name(), *w));
-        let others = weights.others.iter().map(|(name, w)| (name.as_ref(), *w));
+        let others = weights.others.iter().map(|(name, w)| (*name, *w));
         let all = default.into_iter().chain(of_drift).chain(others);
         let all: Vec<String> = all.map(|(name, w)| format!("{name} = {w}")).collect();
         let criterion = objective.criterion.name();
