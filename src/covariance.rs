@@ -46,6 +46,7 @@ use crate::error::Error;
 use crate::model::{Colour, ErrorModel, Mounting};
 use crate::platform::Platform;
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
+use coloured::kernel::KeptKernels;
 use fast::arithmetic::MOST_LANES;
 use fast::coloured::Coloured;
 use fast::information::PriorScale;
@@ -116,6 +117,8 @@ pub struct CovarianceModel {
     mixing: Option<Mixing>,
     /// The same where drift or biases wander.
     coloured: Option<Box<Coloured>>,
+    /// The kernels of dwells there.
+    pub(crate) coloured_kernels: KeptKernels,
     /// Variance of the azimuth measured in a period, arcsec².
     pub(crate) azimuth_variance: Option<f64>,
     /// ω_ie^n, rad/s.
@@ -168,6 +171,7 @@ impl CovarianceModel {
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
             coloured: None,
+            coloured_kernels: KeptKernels::default(),
         };
         let settle_s = platform.motion.settle_s;
         model.coloured = Coloured::of(&model, &[], settle_s).map(Box::new);

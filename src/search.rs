@@ -193,10 +193,14 @@ pub(crate) fn conclude(
 ) -> Result<SearchOutcome> {
     let evaluation = evaluator.evaluate(&schedule)?;
     let unobservable = Unobservable::of(evaluator, &schedule, &evaluation)?;
-    let (status, reason) = verdict(evaluator, control, work, &evaluation, &unobservable);
+    let lacks = shortcoming(evaluator.objective(), &evaluation, &unobservable);
+    let lacking = lacks.is_some();
+    let missed = MissedSpecification::all(evaluator.objective(), &evaluation);
+    let (status, reason) = verdict(control, work, lacks, Reason::Finished { missed });
     Ok(SearchOutcome {
         status,
         reason,
+        lacking,
         schedule,
         evaluation,
         unobservable,
@@ -244,40 +248,50 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
     Ok(())
 }
 
-/// Status and reason of a search whose best schedule has been evaluated.
-fn verdict(
-    evaluator: &Evaluator,
+/// Status and reason of a search whose best schedule `lacks` something, if it does; `finished` where all
+/// is well.
+pub(crate) fn verdict(
     control: &Control,
     work: &WorkDone,
-    evaluation: &Evaluation,
-    unobservable: &Unobservable,
+    lacks: Option<Reason>,
+    finished: Reason,
 ) -> (Status, Reason) {
     if control.is_cancelled() {
-        return (Status::Interrupted, Reason::Interrupted);
+        let lacks = lacks.map(Box::new);
+        return (Status::Interrupted, Reason::Interrupted { lacks });
     }
     if work.was_cut_short() {
-        return (Status::TimeLimit, Reason::TimeLimit);
+        let lacks = lacks.map(Box::new);
+        return (Status::TimeLimit, Reason::TimeLimit { lacks });
     }
-    let (objective, score) = (evaluator.objective(), &evaluation.score);
+    match lacks {
+        Some(reason) => (Status::Infeasible, reason),
+        None => (Status::Converged, finished),
+    }
+}
+
+/// In what a schedule is less than what was asked, however its search ended: nothing where it is not.
+fn shortcoming(
+    objective: &Objective,
+    evaluation: &Evaluation,
+    unobservable: &Unobservable,
+) -> Option<Reason> {
+    let score = &evaluation.score;
     if !score.meets_minimum_separability {
-        let reason = Reason::SeparabilityMissed {
+        return Some(Reason::SeparabilityMissed {
             minimum: objective.minimum_separability,
             nearest: score.least_separability,
-        };
-        return (Status::Infeasible, reason);
+        });
     }
     if !unobservable.is_acceptable() {
-        let reason = Reason::Unobservable(unobservable.clone());
-        return (Status::Infeasible, reason);
+        return Some(Reason::Unobservable(unobservable.clone()));
     }
+    // A specification need not be met unless it is the criterion.
     let missed = MissedSpecification::all(objective, evaluation);
-    if matches!(objective.criterion, Criterion::MaxRatio { .. }) && !missed.is_empty() {
-        let reason = Reason::SpecificationMissed {
-            total_time_s: evaluation.total_time_s,
-            missed,
-            times_as_wide: score.criterion,
-        };
-        return (Status::Infeasible, reason);
-    }
-    (Status::Converged, Reason::Finished { missed })
+    let is_the_criterion = matches!(objective.criterion, Criterion::MaxRatio { .. });
+    (is_the_criterion && !missed.is_empty()).then(|| Reason::SpecificationMissed {
+        total_time_s: evaluation.total_time_s,
+        missed,
+        times_as_wide: score.criterion,
+    })
 }

@@ -19,6 +19,8 @@ pub enum Remark {
         /// The coefficients that are of order 1 by it; all three of the input axes, if observable.
         input_first: bool,
     },
+    /// Drift or biases wander, which only part of an analysis counts.
+    NoiseWanders,
     /// With quadratic terms: what is of order 2 under every schedule, the larger trace theorem.
     VerticalDrift {
         /// The combinations.
@@ -48,6 +50,9 @@ impl Remark {
                 input_first: input.into_iter().all(|c| order(c) == Some(Order::First)),
             });
         }
+        if !model.is_white() {
+            remarks.push(Self::NoiseWanders);
+        }
         let vertical = evaluation.named.as_ref().map_or(&[][..], |n| &n.vertical);
         if !evaluation.principal_drift.is_empty() && !vertical.is_empty() {
             let worst = evaluation.principal_drift.iter();
@@ -66,10 +71,14 @@ impl Remark {
         remarks
     }
 
+    /// The name of [`Remark::NoiseWanders`].
+    pub(crate) const NOISE_WANDERS: &'static str = "noise-wanders";
+
     /// A short name.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::AzimuthMeasured { .. } => "azimuth-measured",
+            Self::NoiseWanders => Self::NOISE_WANDERS,
             Self::VerticalDrift { .. } => "vertical-drift",
         }
     }
@@ -90,6 +99,11 @@ impl fmt::Display for Remark {
                     false => Ok(()),
                 }
             }
+            Self::NoiseWanders => f.write_str(
+                "What wanders counts in the sigma by the filter and in what is suggested. The orders, the \
+                 separability of the coefficients, the reconstructions with their sigma, the Gramian and the \
+                 sensitivity are of the white noise alone.",
+            ),
             Self::VerticalDrift {
                 combinations,
                 worst_sigma_deg_per_h,

@@ -1,7 +1,7 @@
 //! Tables for people: as wide as the terminal allows, 80 columns where there is none.
 
 use comfy_table::presets::ASCII_MARKDOWN;
-use comfy_table::{CellAlignment, ContentArrangement, Table};
+use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width};
 
 use super::screen::Screen;
 
@@ -36,6 +36,7 @@ pub(super) fn render<const N: usize>(
 /// The same for a number of columns that depends on what there is to show.
 pub(super) fn render_rows(columns: &[(&str, Align)], rows: Vec<Vec<String>>) -> String {
     let screen = Screen::of_stdout();
+    let (rows, widths) = with_whole_words(columns, rows, usize::from(screen.width));
     let mut table = Table::new();
     table
         .load_style(ASCII_MARKDOWN)
@@ -52,15 +53,72 @@ pub(super) fn render_rows(columns: &[(&str, Align)], rows: Vec<Vec<String>>) -> 
             .map(|row| row.into_iter().map(|cell| screen.cell(cell))),
     );
     for (i, (_, align)) in columns.iter().enumerate() {
-        if let Some(column) = table.column_mut(i)
-            && *align == Right
-        {
+        let Some(column) = table.column_mut(i) else {
+            continue;
+        };
+        if *align == Right {
             column.set_cell_alignment(CellAlignment::Right);
         }
+        let least = u16::try_from(widths[i] + PADDING).unwrap_or(u16::MAX);
+        column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(least)));
     }
     let mut text = table.trim_fmt();
     text.push('\n');
     text
+}
+
+/// Columns that a cell takes besides its text: a space on either side.
+const PADDING: usize = 2;
+
+/// The rows and the longest word of each column, which a column is at least as wide as: a line ends
+/// between words. Where `screen` columns are too few for that, the longest words, which are keys, are
+/// broken after a dot or an underscore.
+fn with_whole_words(
+    columns: &[(&str, Align)],
+    mut rows: Vec<Vec<String>>,
+    screen: usize,
+) -> (Vec<Vec<String>>, Vec<usize>) {
+    let longest = |text: &str| {
+        let words = text.split_whitespace().map(|w| w.chars().count());
+        words.max().unwrap_or(0)
+    };
+    let width = |i: usize, rows: &[Vec<String>]| {
+        let cells = rows.iter().map(|row| longest(&row[i]));
+        cells.max().unwrap_or(0).max(longest(columns[i].0))
+    };
+    let mut widths: Vec<usize> = (0..columns.len()).map(|i| width(i, &rows)).collect();
+    // A border before each column and one after the last.
+    let needed = widths.iter().map(|w| w + PADDING + 1).sum::<usize>() + 1;
+    let Some(widest) = (0..widths.len()).max_by_key(|&i| widths[i]) else {
+        return (rows, widths);
+    };
+    if needed > screen {
+        let allowed = widths[widest].saturating_sub(needed - screen);
+        for row in &mut rows {
+            row[widest] = broken(&row[widest], allowed);
+        }
+        widths[widest] = width(widest, &rows);
+    }
+    (rows, widths)
+}
+
+/// `text` with words of more than `width` characters broken after dots and underscores, where they have
+/// some, into parts of at most so many.
+fn broken(text: &str, width: usize) -> String {
+    let whole = |word: &str| word.chars().count() <= width;
+    let words = text.split(' ').map(|word| {
+        let mut lines = Vec::new();
+        let mut line = String::new();
+        for part in word.split_inclusive(['.', '_']) {
+            if !line.is_empty() && !whole(&format!("{line}{part}")) {
+                lines.push(std::mem::take(&mut line));
+            }
+            line.push_str(part);
+        }
+        lines.push(line);
+        lines.join("\n")
+    });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 /// The schedule as it is executed on `platform`.
@@ -394,4 +452,35 @@ pub(super) fn schemes() -> String {
 pub(super) fn documents() -> String {
     let rows = DocumentKind::ALL.map(|d| [d.name().to_owned(), d.description().to_owned()]);
     render([("name", Left), ("document", Left)], rows.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: &str = "accelerometer.acceleration_random_walk_ug_per_sqrt_h";
+
+    #[test]
+    fn keys_are_whole_or_broken_where_a_reader_would() {
+        let rows = || {
+            vec![vec![
+                KEY.to_owned(),
+                "halved, from this to that".to_owned(),
+                "0.9876".to_owned(),
+            ]]
+        };
+        let columns = [("what", Left), ("change", Left), ("ratio", Right)];
+        // Room for all words: nothing is broken.
+        let (whole, widths) = with_whole_words(&columns, rows(), 80);
+        assert_eq!((whole, widths), (rows(), vec![KEY.len(), 7, 6]));
+        let (narrow, widths) = with_whole_words(&columns, rows(), 50);
+        assert_eq!(
+            narrow[0][0],
+            "accelerometer.acceleration_\nrandom_walk_ug_per_sqrt_h"
+        );
+        assert_eq!(widths, [27, 7, 6]);
+        // A word without a dot or an underscore stays what it is.
+        assert_eq!(broken("constantinople or", 5), "constantinople or");
+        assert_eq!(broken("a_b_c d", 4), "a_b_\nc d");
+    }
 }

@@ -66,6 +66,8 @@ impl Keys {
                 .with_allowed("both or neither"))
         };
         let markov = match (instability, self.time.1) {
+            // No instability has no correlation time.
+            (Some(0.0), None) => None,
             (Some(sigma), None) => return lonely(instability_key, sigma, time_key),
             (None, Some(time_s)) => return lonely(time_key, time_s, instability_key),
             (None, None) => None,
@@ -176,6 +178,9 @@ mod tests {
             "",
             "[gyro]\nrate_random_walk_deg_per_h_per_sqrt_h = 0\n",
             "[gyro]\nbias_instability_deg_per_h = 0\nbias_correlation_time_s = 600\n",
+            "[gyro]\nbias_instability_deg_per_h = 0\n",
+            "[accelerometer]\nbias_instability_ug = 0.0\n",
+            "[accelerometer]\nbias_instability_ug = -0.0\n",
             "[accelerometer]\nbias_instability_ug = 0\nbias_correlation_time_s = 600\n",
         ] {
             let p = config(toml).check().unwrap();

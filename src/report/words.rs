@@ -445,8 +445,9 @@ pub fn constant_part(document: &EvaluationDocument) -> Option<String> {
 /// What is changed for [`EvaluationDocument::limits`], and how that is counted.
 pub const LIMITS: &str = "The criterion with one thing better, as a ratio to that of the plan. The total \
     time stays; time that is saved goes to the dwells in proportion, and the schedule is not searched \
-    anew, which is right to first order where it is the best for the platform as it is. A filter that \
-    ignores errors can do worse with less noise: it then trusts what it misreads.";
+    anew, which is right to first order where it is the best for the platform as it is. What would not \
+    help is left out: a filter that ignores errors does worse with less noise, for it then trusts what \
+    it misreads.";
 
 /// What a ratio of the criterion means.
 pub fn gained(criterion_ratio: f64) -> String {
@@ -458,6 +459,9 @@ pub fn gained(criterion_ratio: f64) -> String {
     }
 }
 
+/// What a plan without accelerometer biases leaves out where they wander.
+const CONSTANT_BIAS: &str = "the constant part of the accelerometer bias";
+
 /// What the plan takes to be perfect: groups of `[errors]` that the platform file does not have.
 pub fn perfect(inputs: &StudyConfig) -> String {
     // Inputs of a document were checked when it was made.
@@ -468,9 +472,16 @@ pub fn perfect(inputs: &StudyConfig) -> String {
     };
     // What cannot be told at 1 g is no fault of a plan.
     let counts = |key: &str| key != "quadratic_output_drift_deg_per_h_per_g2";
+    let wanders = checked
+        .as_ref()
+        .is_ok_and(|p| !p.accelerometer_colour().is_white());
     let absent: Vec<&str> = crate::model::optional_groups()
         .filter(|group| counts(group.key) && !has(group.key))
-        .map(|group| group.title)
+        .map(|group| match group.key {
+            // What wanders is no constant, and is in the plan.
+            "accelerometer_bias_ug" if wanders => CONSTANT_BIAS,
+            _ => group.title,
+        })
         .collect();
     let noise = wandering(checked.as_ref().ok());
     match absent.is_empty() {

@@ -12,7 +12,7 @@ use crate::config::{Mode, StudyConfig};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::Objective;
-use crate::search::{SearchOutcome, Status};
+use crate::search::SearchOutcome;
 use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`BoundDocument`].
@@ -186,7 +186,7 @@ impl CertificateRecord {
     ) -> Self {
         match (mode, &objective.spec_deg_per_h) {
             (Mode::Time, Some(spec)) => {
-                let meets = outcome.status != Status::Infeasible;
+                let meets = !outcome.lacking;
                 let others = objective.specifies_others();
                 let achieved_s = outcome.evaluation.total_time_s;
                 Self::of_time(certifier, (spec, others), achieved_s, meets)

@@ -127,7 +127,7 @@ pub struct WorstDriftRecord {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct RemarkRecord {
-    /// `azimuth-measured` or `vertical-drift`.
+    /// `azimuth-measured`, `noise-wanders` or `vertical-drift`.
     pub kind: String,
     /// The sentence.
     pub words: String,

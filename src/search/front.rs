@@ -16,7 +16,7 @@ use super::progress::{Control, Phase};
 use super::rated::Candidate;
 use super::reason::Reason;
 use super::tumbling::tumble;
-use super::{conclude, nothing_to_find, refuse_unsupported, what_depends_on_the_schedule};
+use super::{conclude, nothing_to_find, refuse_unsupported, verdict, what_depends_on_the_schedule};
 use crate::analysis::Unobservable;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
@@ -62,10 +62,6 @@ pub fn front(
     outcome.front = feasible_points(sweep.context.evaluator, schedules)?;
     match outcome.front.last() {
         Some(last) => {
-            // A front has no specification to meet; its points say what can be met when.
-            if outcome.status == Status::Infeasible {
-                (outcome.status, outcome.reason) = (Status::Converged, Reason::FrontFinished);
-            }
             outcome.schedule = last.schedule.clone();
             outcome.evaluation = match searched {
                 Some(_) => evaluator.evaluate(&last.schedule)?,
@@ -73,10 +69,15 @@ pub fn front(
             };
             outcome.unobservable =
                 Unobservable::of(evaluator, &outcome.schedule, &outcome.evaluation)?;
-            if outcome.status == Status::Converged && !outcome.unobservable.is_acceptable() {
-                outcome.status = Status::Infeasible;
-                outcome.reason = Reason::Unobservable(outcome.unobservable.clone());
-            }
+            // A front has no specification to meet; its points say what can be met when.
+            let lacks = (!outcome.unobservable.is_acceptable())
+                .then(|| Reason::Unobservable(outcome.unobservable.clone()));
+            outcome.lacking = lacks.is_some();
+            let finished = match outcome.reason {
+                finished @ Reason::Finished { .. } => finished,
+                _ => Reason::FrontFinished,
+            };
+            (outcome.status, outcome.reason) = verdict(control, &work, lacks, finished);
         }
         // The reason of the verdict stands: nothing meets the minimum separability.
         None => outcome.status = Status::Infeasible,

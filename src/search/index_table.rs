@@ -6,6 +6,8 @@
 //! tried in the true merit and the best is kept, until a whole sweep changes nothing. Between sweeps the
 //! dwells are allocated and idle positions dropped, as for free angles.
 
+mod estimates;
+
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
@@ -13,19 +15,17 @@ use rayon::prelude::*;
 
 use super::allocate::allocate;
 use super::context::Context;
-use super::cost::{detour_s, price_of_time};
+use super::cost::detour_s;
 use super::fit::brought_within;
 use super::plan::Plan;
 use super::rated::{Candidate, Refined, rate};
 use super::workshop::Workshop;
 use crate::attitude::{NanoDegrees, Position, deg_of_rad};
-use crate::covariance::TickRule;
-use crate::covariance::fast::cuts::Cuts;
-use crate::covariance::fast::several::between::Between;
 use crate::criterion::Smoothing;
 use crate::motion::{Test, Timeline};
 use crate::platform::Platform;
 use crate::units::RAD_PER_DEG;
+use estimates::Estimates;
 
 /// Up to this many places of the table (45° and coarser) every start is improved by exchange.
 const COARSE: usize = 1_000;
@@ -39,8 +39,8 @@ const SWEEPS: usize = 12;
 const ROUNDS: usize = 6;
 /// An exchange has to gain this much.
 const GAIN: f64 = 1e-10;
-/// Places of an exchange that are rated in full, by their estimates.
-const RATED: usize = 4;
+/// Where drift or biases wander, positions of which it is tried what the dwells make of their absence.
+const DROPPED: usize = 4;
 
 /// Which places an exchange tries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -327,7 +327,7 @@ impl OnTable {
 
 /// Sweeps of exchanges until one changes nothing.
 ///
-/// Every place is estimated at the cost of one dwell ([`Cuts`]); the time that its moves take
+/// Every place is estimated at the cost of one dwell ([`Estimates`]); the time that its moves take
 /// more or less is counted at the price of time. The best few are rated in full.
 fn exchange(
     context: Context<'_>,
@@ -366,12 +366,14 @@ fn exchange_once(
                 return current;
             }
             let places = table.places(test, &current.plan, k, reach);
-            let tried = estimates.best(k, places).into_iter().filter_map(|place| {
+            let best = estimates.best(k, places);
+            let tried = best.into_iter().map(|place| {
                 let mut plan = current.plan.clone();
                 plan.replace(k, place);
-                rate(context, &plan, smoothing)
+                plan
             });
-            let best = tried.reduce(Refined::better);
+            let best = rate_all(context, tried.collect(), smoothing);
+            let best = best.into_iter().reduce(Refined::better);
             if let Some(better) = best.filter(|b| b.merit < current.merit - GAIN) {
                 current = better;
                 break;
@@ -381,99 +383,45 @@ fn exchange_once(
     current
 }
 
-/// Estimates of a plan's exchanges, every place at the cost of one dwell and its moves, several
-/// at once.
-struct Estimates<'a> {
-    context: Context<'a>,
-    smoothing: Smoothing,
-    timeline: &'a Timeline,
-    /// None where the merit is more than the covariance's.
-    cuts: Option<Cuts<'a>>,
-    /// What a second of moves is worth.
-    price: f64,
-}
-
-/// Places that one thread estimates at a time.
-const AT_ONCE: usize = 64;
-
-impl<'a> Estimates<'a> {
-    fn new(
-        context: Context<'a>,
-        smoothing: Smoothing,
-        plan: &Plan,
-        timeline: &'a Timeline,
-    ) -> Self {
-        let evaluator = context.evaluator;
-        // Estimates leave the separability out: only where it is no more than a tie-breaker.
-        let by_covariance = !evaluator.objective().is_led_by_separability();
-        let slews = evaluator
-            .test()
-            .platform()
-            .motion()
-            .slew_rate_rad_per_s
-            .is_some();
-        Self {
-            context,
-            smoothing,
-            timeline,
-            cuts: by_covariance.then(|| Cuts::new(evaluator.model(), timeline, TickRule::Relaxed)),
-            price: match by_covariance && slews {
-                true => price_of_time(context, smoothing, plan).unwrap_or(0.0),
-                false => 0.0,
-            },
-        }
-    }
-
-    /// The places worth rating for position `k`, best first, in the order of the table where they
-    /// are equal.
-    fn best(&self, k: usize, places: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
-        let Some(cuts) = &self.cuts else {
-            return places;
-        };
-        self.context.work.count_evaluations(places.len() as u64);
-        let leg = self.timeline.positions().start + k;
-        let around = cuts.around(leg..leg + 1);
-        let mut estimates: Vec<(f64, [f64; 3])> = places
-            .par_chunks(AT_ONCE)
-            .flat_map_iter(|some| self.estimates(k, &around, some))
-            .collect();
-        estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
-        estimates.into_iter().take(RATED).map(|(_, p)| p).collect()
-    }
-
-    fn estimates(&self, k: usize, around: &Between, places: &[[f64; 3]]) -> Vec<(f64, [f64; 3])> {
-        let evaluator = self.context.evaluator;
-        let platform = evaluator.test().platform();
-        let mut more_s = Vec::with_capacity(places.len());
-        let parts: Vec<Timeline> = places
+/// As [`rate`], of plans that have a merit.
+fn rate_all(context: Context<'_>, plans: Vec<Plan>, smoothing: Smoothing) -> Vec<Refined> {
+    let evaluator = context.evaluator;
+    if evaluator.model().is_white() {
+        let rated = plans
             .iter()
-            .map(|place| {
-                let position = Position::from_array(*place);
-                let (part, more) = self.timeline.exchange(platform, k, position);
-                more_s.push(more);
-                part
-            })
-            .collect();
-        let merits = evaluator
-            .model()
-            .values_between(&parts, TickRule::Relaxed, around, |p| {
-                evaluator.estimate_of_covariance(p, self.smoothing)
-            });
-        let all = merits.into_iter().zip(more_s).zip(places);
-        all.filter_map(|((merit, more_s), place)| {
-            let merit = merit.ok()? - self.price * more_s;
-            merit.is_finite().then_some((merit, *place))
-        })
-        .collect()
+            .filter_map(|plan| rate(context, plan, smoothing));
+        return rated.collect();
     }
+    // Where something wanders a few at once take hardly longer than one.
+    let (test, total_time_s) = (evaluator.test(), context.problem.total_time_s);
+    let plans: Vec<Plan> = plans
+        .into_iter()
+        .filter_map(|plan| plan.fitted(test, total_time_s))
+        .collect();
+    context.work.count_evaluations(plans.len() as u64);
+    let timelines: Vec<Timeline> = plans.iter().map(|plan| plan.timeline(test)).collect();
+    let merits = evaluator.merits(&timelines, smoothing);
+    let rated = merits.into_iter().zip(plans).filter_map(|(merit, plan)| {
+        let merit = merit.ok().filter(|m| m.is_finite())?;
+        Some(Refined { plan, merit })
+    });
+    rated.collect()
 }
 
 /// Removes positions one by one, the most idle first, as long as the merit loses less than the
 /// tolerance by it.
 fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
     while current.plan.angles.len() > 1 && !context.must_stop() {
-        let fewer = (0..current.plan.angles.len())
-            .filter_map(|k| rate(context, &current.plan.without(k), smoothing))
+        let positions = 0..current.plan.angles.len();
+        let without = positions.map(|k| current.plan.without(k)).collect();
+        let mut fewer = rate_all(context, without, smoothing);
+        if !context.evaluator.model().is_white() {
+            // An allocation takes as long as many ratings there, and positions are twice as many.
+            fewer.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+            fewer.truncate(DROPPED);
+        }
+        let fewer = fewer
+            .into_iter()
             .map(|refined| allocate(context, refined, smoothing))
             .reduce(Refined::better);
         match fewer {
@@ -488,6 +436,7 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
 
 #[cfg(test)]
 mod tests {
+    use std::ops::RangeInclusive;
 
     use super::*;
     use crate::evaluate::{Evaluator, Objective};
@@ -496,8 +445,13 @@ mod tests {
     use crate::search::{Control, SearchProblem, search};
 
     fn evaluator() -> Evaluator {
+        evaluator_with(|_| {})
+    }
+
+    fn evaluator_with(change: impl FnOnce(&mut PlatformConfig)) -> Evaluator {
         let mut config = PlatformConfig::default();
         config.gimbals.step_deg = Some(90.0);
+        change(&mut config);
         // What is enumerated is rated by the criterion.
         let objective = Objective {
             separability_weight: 0.0,
@@ -554,19 +508,31 @@ mod tests {
     /// any reallocation makes up for, with dwells allocated too.
     #[test]
     fn up_to_four_positions_are_the_exact_optimum() {
+        are_the_exact_optimum(&evaluator(), 1..=4);
+    }
+
+    /// Where exchanges are estimated with what wanders.
+    #[test]
+    fn where_drift_walks_up_to_three_positions_are_the_exact_optimum() {
+        let walking = evaluator_with(|config| {
+            config.gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(0.003);
+        });
+        are_the_exact_optimum(&walking, 1..=3);
+    }
+
+    fn are_the_exact_optimum(evaluator: &Evaluator, counts: RangeInclusive<usize>) {
         /// Sequences whose dwells are allocated.
         const ALLOCATED: usize = 400;
-        let evaluator = evaluator();
         let work = WorkDone::default();
         let control = Control::default();
-        for count in 1..=4 {
+        for count in counts {
             let problem = SearchProblem {
                 max_positions: count,
                 position_tolerance: 0.0,
                 ..SearchProblem::default()
             };
             let context = Context {
-                evaluator: &evaluator,
+                evaluator,
                 problem: &problem,
                 control: &control,
                 work: &work,
@@ -585,7 +551,7 @@ mod tests {
             if allocated.len() == ALLOCATED {
                 assert!(last_equal - most_gained > optimum, "{count} positions");
             }
-            let found = search(&evaluator, &problem, &control).unwrap();
+            let found = search(evaluator, &problem, &control).unwrap();
             let found = found.evaluation.score.criterion.ln();
             // Whole filter periods cost a few millionths, and an allocation stops about as far
             // from its best.

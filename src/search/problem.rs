@@ -106,6 +106,9 @@ pub struct SearchOutcome {
     pub status: Status,
     /// Why.
     pub reason: Reason,
+    /// Whether the schedule is less than what was asked, by its specification where that is the
+    /// criterion, by what it observes or by its separability; however the search ended.
+    pub lacking: bool,
     /// The recommended schedule.
     pub schedule: Schedule,
     /// Its evaluation, both computations agreeing.

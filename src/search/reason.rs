@@ -14,12 +14,18 @@ use crate::evaluate::{Evaluation, Objective};
 #[non_exhaustive]
 pub enum Reason {
     /// It was cancelled.
-    Interrupted,
+    Interrupted {
+        /// What the schedule lacks all the same; none: nothing.
+        lacks: Option<Box<Reason>>,
+    },
     /// Its time was up.
-    TimeLimit,
+    TimeLimit {
+        /// What the schedule lacks all the same; none: nothing.
+        lacks: Option<Box<Reason>>,
+    },
     /// All was worked through. A specification need not be met, unless it is the criterion.
     Finished {
-        /// The coefficients that miss their specification.
+        /// The parameters that miss their specification.
         missed: Vec<MissedSpecification>,
     },
     /// Every point of the front was worked out.
@@ -46,7 +52,7 @@ pub enum Reason {
     SpecificationMissed {
         /// Its duration, s.
         total_time_s: f64,
-        /// By which coefficients.
+        /// By which parameters.
         missed: Vec<MissedSpecification>,
         /// A specification so many times as wide is met.
         times_as_wide: f64,
@@ -57,7 +63,7 @@ pub enum Reason {
         unobservable: Unobservable,
         /// The time that is allowed, s.
         allowed_s: f64,
-        /// The coefficients that miss their specification.
+        /// The parameters that miss their specification.
         missed: Vec<MissedSpecification>,
         /// A specification so many times as wide is met.
         times_as_wide: f64,
@@ -78,33 +84,44 @@ pub enum EnoughTime {
     Failed(Error),
 }
 
-/// A coefficient that misses its specification. [`fmt::Display`] gives both numbers.
+/// A parameter that misses its specification. [`fmt::Display`] gives both numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissedSpecification {
-    /// Which.
-    pub coefficient: DriftCoefficient,
-    /// 1σ after the test, °/h (per g).
-    pub sigma_deg_per_h: f64,
-    /// What is asked for, 1σ, °/h (per g).
-    pub spec_deg_per_h: f64,
+    /// Its name: `D_FX`, `T_XY` …
+    pub name: &'static str,
+    /// 1σ after the test in its unit.
+    pub sigma: f64,
+    /// What is asked for, 1σ.
+    pub spec: f64,
+    /// The unit, without what it is per: `deg/h`, `ppm` …
+    pub unit: &'static str,
 }
 
 impl MissedSpecification {
-    /// All of an evaluation, D_FX first; none without a specification.
+    /// All of an evaluation, D_FX first and the coefficients before other parameters; none without a
+    /// specification.
     pub(super) fn all(objective: &Objective, evaluation: &Evaluation) -> Vec<Self> {
-        let Some(spec) = objective.spec_deg_per_h else {
-            return Vec::new();
-        };
         let sigma = evaluation.end.sigma_deg_per_h();
-        DriftCoefficient::ALL
-            .into_iter()
-            .map(|coefficient| Self {
-                coefficient,
-                sigma_deg_per_h: sigma[coefficient.index()],
-                spec_deg_per_h: spec[coefficient.index()],
+        let of_drift = objective.spec_deg_per_h.into_iter().flat_map(|spec| {
+            DriftCoefficient::ALL.map(|c| Self {
+                name: c.name(),
+                sigma: sigma[c.index()],
+                spec: spec[c.index()],
+                unit: "deg/h",
             })
-            .filter(|c| c.sigma_deg_per_h > c.spec_deg_per_h)
-            .collect()
+        });
+        let others = objective.others.iter().zip(&objective.spec_of_others);
+        let of_others = others.filter_map(|(&at, &spec)| {
+            let known = evaluation.parameters.get(at)?;
+            Some(Self {
+                name: known.parameter.name,
+                sigma: known.sigma,
+                spec,
+                unit: known.parameter.unit.name(),
+            })
+        });
+        let all = of_drift.chain(of_others);
+        all.filter(|c| c.sigma > c.spec).collect()
     }
 }
 
@@ -112,15 +129,13 @@ impl fmt::Display for MissedSpecification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} ({:.3e} > {:.3e} deg/h)",
-            self.coefficient.name(),
-            self.sigma_deg_per_h,
-            self.spec_deg_per_h
+            "{} ({:.3e} > {:.3e} {})",
+            self.name, self.sigma, self.spec, self.unit
         )
     }
 }
 
-/// The coefficients with their numbers, separated by commas.
+/// The parameters with their numbers, separated by commas.
 struct Listed<'a>(&'a [MissedSpecification]);
 
 impl fmt::Display for Listed<'_> {
@@ -142,14 +157,28 @@ impl fmt::Display for EnoughTime {
     }
 }
 
+/// What a schedule lacks, after something else has been said of it.
+fn lacking(f: &mut fmt::Formatter<'_>, lacks: Option<&Reason>) -> fmt::Result {
+    match lacks {
+        Some(why) => write!(f, "; {why}"),
+        None => Ok(()),
+    }
+}
+
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Interrupted => f.write_str("interrupted; the schedule is the best found so far"),
-            Self::TimeLimit => f.write_str(
-                "the time limit was reached; the schedule is the best found so far, confirmed by \
-                 the step-by-step filter after the limit",
-            ),
+            Self::Interrupted { lacks } => {
+                f.write_str("interrupted; the schedule is the best found so far")?;
+                lacking(f, lacks.as_deref())
+            }
+            Self::TimeLimit { lacks } => {
+                f.write_str(
+                    "the time limit was reached; the schedule is the best found so far, confirmed \
+                     by the step-by-step filter after the limit",
+                )?;
+                lacking(f, lacks.as_deref())
+            }
             Self::Finished { missed } => {
                 f.write_str(
                     "all starts were screened, the best improved until nothing tried made them \
@@ -217,16 +246,14 @@ mod tests {
     use super::*;
 
     fn missed() -> Vec<MissedSpecification> {
-        [
-            (DriftCoefficient::FX, 0.003),
-            (DriftCoefficient::IZ, 0.0125),
-        ]
-        .map(|(coefficient, sigma_deg_per_h)| MissedSpecification {
-            coefficient,
-            sigma_deg_per_h,
-            spec_deg_per_h: 0.002,
-        })
-        .into()
+        [("D_FX", 0.003), ("D_IZ", 0.0125)]
+            .map(|(name, sigma)| MissedSpecification {
+                name,
+                sigma,
+                spec: 0.002,
+                unit: "deg/h",
+            })
+            .into()
     }
 
     #[test]
@@ -278,8 +305,22 @@ mod tests {
                 ),
             ),
             (
-                Reason::Unobservable(blind),
+                Reason::Unobservable(blind.clone()),
                 "the schedule found does not observe D_OY".to_owned(),
+            ),
+            (
+                Reason::TimeLimit { lacks: None },
+                "the time limit was reached; the schedule is the best found so far, confirmed by \
+                 the step-by-step filter after the limit"
+                    .to_owned(),
+            ),
+            (
+                Reason::Interrupted {
+                    lacks: Some(Box::new(Reason::Unobservable(blind))),
+                },
+                "interrupted; the schedule is the best found so far; the schedule found does not \
+                 observe D_OY"
+                    .to_owned(),
             ),
             (
                 Reason::SeparabilityMissed {

@@ -268,6 +268,7 @@ impl RootSearch<'_> {
         let complete = matches!(outcome.status, Status::Converged | Status::Infeasible);
         if complete && outcome.evaluation.score.meets_minimum_separability {
             outcome.status = Status::Infeasible;
+            outcome.lacking = true;
             outcome.reason = Reason::NotInTime {
                 unobservable: outcome.unobservable.clone(),
                 allowed_s: self.context.problem.total_time_s,

@@ -14,7 +14,7 @@ use crate::motion::{Move, Timeline};
 use crate::platform::{Platform, Repositioning};
 
 use super::states::{Drive, LinearTransition};
-use super::wander::{Wandering, linear_transition};
+use super::wander::{Wandering, Whereabouts};
 
 /// Most intervals of a simulated test: each is kept in memory, with the filter's gains.
 pub const MAX_INTERVALS: f64 = 500_000.0;
@@ -303,7 +303,7 @@ impl ProgramBuilder<'_> {
                 _ => {
                     let gamma = self.dynamics.integral(piece.length_s);
                     let b = self.effects.held(&gamma, &attitude);
-                    self.transition(piece.length_s, b)
+                    self.transition(piece.length_s, b, Whereabouts::At(&attitude))
                 }
             };
             last = Some((piece.length_s, transition));
@@ -314,7 +314,8 @@ impl ProgramBuilder<'_> {
     fn moving(&mut self, m: &Move) {
         for piece in self.pieces(m.duration_s, m.measured) {
             let b = self.effects.moved(&self.dynamics, m, &piece);
-            let transition = self.transition(piece.length_s, b);
+            let at = Whereabouts::Moving(m, piece.start_s);
+            let transition = self.transition(piece.length_s, b, at);
             let path = self.path(m, &piece, m.duration_s);
             self.push(&piece, path, transition);
         }
@@ -324,7 +325,7 @@ impl ProgramBuilder<'_> {
     fn jumping(&mut self, m: &Move) {
         if self.effects.has_torquers {
             let b = self.effects.jump(m);
-            let transition = self.transition(0.0, b);
+            let transition = self.transition(0.0, b, Whereabouts::Moving(m, 0.0));
             let whole = Piece {
                 start_s: 0.0,
                 length_s: 1.0,
@@ -366,15 +367,22 @@ impl ProgramBuilder<'_> {
             .last()
             .is_none_or(|i| i.leg != self.leg);
         if empty {
-            let transition = self.transition(0.0, self.effects.nothing());
+            let nothing = self.effects.nothing();
+            let transition = self.transition(0.0, nothing, Whereabouts::At(&attitude));
             self.push(&Piece::NOTHING, Path::held(attitude), transition);
         }
         self.program.leg_ends.push(self.program.intervals.len() - 1);
     }
 
-    fn transition(&mut self, length_s: f64, b: Drive) -> usize {
-        let phi = self.dynamics.transition(length_s);
-        let transition = linear_transition(self.wandering, phi, b, length_s);
+    fn transition(&mut self, length_s: f64, b: Drive, at: Whereabouts<'_>) -> usize {
+        let transition = match self.wandering {
+            Some(wandering) => wandering.passed(&self.dynamics, at, &b, length_s),
+            None => LinearTransition {
+                phi: self.dynamics.transition(length_s),
+                b,
+                fading: None,
+            },
+        };
         self.program.transitions.push(transition);
         self.program.transitions.len() - 1
     }

@@ -8,7 +8,9 @@
 //! ```
 //!
 //! w_1 and w_2 with the covariance that they have. In a move the mean turns with the platform, as d does to
-//! first order in h/τ. A bias shows at the end of an interval, and needs the first alone.
+//! first order in h/τ. A bias shows at the end of an interval, and needs the first alone. So do the truth
+//! and the extended filters, which follow their own estimate; the linear model, whose gains and σ are known
+//! before any test, has the integrals of [`Passed`], as [`evaluate`](crate::evaluate) has.
 //!
 //! The filters have d and b, along the axes of the platform, as states behind the parameters that they
 //! estimate. D_F is reported as the drift of the moment, D_F + d of the random walk.
@@ -18,7 +20,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::normal::normal3;
 use super::states::{Drive, Fading, LinearTransition, Shape};
+use crate::attitude::Attitude;
+use crate::covariance::coloured::Layout;
+use crate::covariance::coloured::passage::Passed;
+use crate::dynamics::ErrorDynamics;
 use crate::model::{Colour, Markov};
+use crate::motion::Move;
 use crate::platform::Platform;
 use crate::units::ARCSEC_PER_RAD;
 
@@ -99,6 +106,17 @@ pub(super) struct Wandering {
     estimated: usize,
     drift: Vec<Process>,
     biases: Vec<Process>,
+    /// The same as the chain has it.
+    layout: Layout,
+}
+
+/// Where the platform is in an interval.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Whereabouts<'a> {
+    /// Held so.
+    At(&'a Attitude),
+    /// On a move, so long after its start, s.
+    Moving(&'a Move, f64),
 }
 
 /// Φ and B of an interval of that length, with B of the parameters, for a filter that knows of `wandering`.
@@ -126,6 +144,10 @@ impl Wandering {
             estimated: platform.errors().estimated(),
             drift: of(platform.drift_colour()),
             biases: of(platform.accelerometer_colour()),
+            layout: Layout::new(
+                &platform.drift_colour().times(ARCSEC_PER_RAD),
+                &platform.accelerometer_colour().times(ARCSEC_PER_RAD),
+            ),
         })
     }
 
@@ -168,6 +190,59 @@ impl Wandering {
             phi,
             b: self.driving(b, length_s),
             fading: self.fading(&b.fixed_columns::<3>(0).into_owned(), length_s),
+        }
+    }
+
+    /// What becomes of ψ^n and of the states in an interval of the linear model, in which the parameters do
+    /// `b`: as the chain has it.
+    pub fn passed(
+        &self,
+        dynamics: &ErrorDynamics,
+        at: Whereabouts<'_>,
+        b: &Drive,
+        length_s: f64,
+    ) -> LinearTransition {
+        let phi = dynamics.transition(length_s);
+        let states = self.states();
+        if length_s <= 0.0 {
+            let nothing = self.all().map(|_| Matrix3::zeros());
+            return LinearTransition {
+                phi,
+                b: widened(b, self.estimated, nothing),
+                fading: None,
+            };
+        }
+        // White noise comes to ψ^n by itself.
+        let white = 0.0;
+        let passed = match at {
+            Whereabouts::At(attitude) => {
+                let mut passed = Passed::held(&self.layout, dynamics, white, length_s);
+                // δ^n = C_c^n d: columns of d instead.
+                for k in 0..self.drift.len() {
+                    for m in [&mut passed.transition, &mut passed.u] {
+                        let mut block = m.fixed_view_mut::<3, 3>(0, 3 + 3 * k);
+                        block.copy_from(&(&block * attitude.matrix()));
+                    }
+                }
+                passed
+            }
+            Whereabouts::Moving(m, start_s) => {
+                Passed::moved(&self.layout, dynamics, white, m, (start_s, length_s))
+            }
+        };
+        let Passed { transition, u } = passed;
+        let carried = |k: usize| transition.fixed_view::<3, 3>(0, 3 + 3 * k).into_owned();
+        let row = |j: usize| match j.checked_sub(states) {
+            Some(axis) => axis,
+            None => 3 + j,
+        };
+        LinearTransition {
+            phi,
+            b: widened(b, self.estimated, (0..states / 3).map(carried)),
+            fading: Some(Fading {
+                kept: (0..states).map(|j| transition[(3 + j, 3 + j)]).collect(),
+                noise: DMatrix::from_fn(3 + states, states + 3, |source, j| u[(row(j), source)]),
+            }),
         }
     }
 

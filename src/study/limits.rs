@@ -24,6 +24,8 @@ type Trial = (String, Change, StudyConfig);
 
 /// Noise of the azimuth reference that is tried, arcsec in a period.
 const AZIMUTH_ARCSEC: f64 = 20.0;
+/// A ratio of criteria up to which nothing got worse but by rounding.
+const NO_WORSE: f64 = 1.0 + 1e-9;
 /// By how much a range is widened at each end, degrees.
 const WIDER_DEG: f64 = 15.0;
 
@@ -207,8 +209,9 @@ impl Study {
             return Vec::new();
         };
         let mut all = Vec::new();
+        // What makes a test worse is no limit of it: less noise can, where the filter ignores something.
         let mut push = |what: String, change: Change, ratio: f64| {
-            if ratio.is_finite() {
+            if ratio <= NO_WORSE {
                 all.push(LimitRecord::new(what, change, ratio));
             }
         };

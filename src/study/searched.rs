@@ -38,8 +38,10 @@ impl SearchResult {
         self.status
     }
 
-    /// Whether every coefficient that counts (by a weight or a specification, and not named in
-    /// `objective.accept_unobservable`) can be observed.
+    /// Whether the schedule is what was asked, however the search ended: every coefficient that counts
+    /// (by a weight or a specification, and not named in `objective.accept_unobservable`) is observed,
+    /// the least separability is reached, and so is a specification that is the criterion (`max-ratio`,
+    /// and mode `time`).
     pub fn is_acceptable(&self) -> bool {
         self.acceptable
     }
@@ -98,7 +100,7 @@ impl Study {
         let document = self.on_threads(|| self.result_document(&outcome, began))?;
         Ok(SearchResult {
             document,
-            acceptable: outcome.unobservable.is_acceptable(),
+            acceptable: !outcome.lacking,
             schedule: outcome.schedule,
             status: outcome.status,
         })
@@ -134,10 +136,16 @@ impl Study {
     /// The document, with the standard schemes beside the schedule and the certificate.
     fn result_document(&self, outcome: &SearchOutcome, began: Instant) -> ResultDocument {
         let objective = &self.config().objective;
-        // The shortest test may end before the time allowed; the schemes get no more than it.
+        // A test that ends before the time allowed, for being the shortest, for the longest of the front
+        // being cut short, or for a drift that is known before and walks: the schemes get no more
+        // than it. Whole periods leave less than one.
+        let taken_s = outcome.evaluation.total_time_s;
+        let left_s = objective.total_time_s - taken_s;
         let total_time_s = match objective.mode {
-            Mode::Time => outcome.evaluation.total_time_s,
-            Mode::Accuracy | Mode::Pareto => objective.total_time_s,
+            Mode::Accuracy | Mode::Pareto if left_s < self.test().platform().period_s() => {
+                objective.total_time_s
+            }
+            Mode::Time | Mode::Accuracy | Mode::Pareto => taken_s,
         };
         let evaluator = &self.evaluator;
         let mut document = ResultDocument::new(
@@ -154,7 +162,10 @@ impl Study {
             &certifier,
             objective.mode,
             evaluator.objective(),
-            objective.total_time_s,
+            match objective.mode {
+                Mode::Pareto => total_time_s,
+                Mode::Time | Mode::Accuracy => objective.total_time_s,
+            },
             outcome,
         );
         document.with_certificate(certificate, &certifier, evaluator.objective())

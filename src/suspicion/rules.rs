@@ -26,13 +26,14 @@
 //! | noise density of accelerometers | below 0.01 or above 10 000 µg/√Hz | likewise |
 //! | correlation time | below 10 s or above 1e6 s | hours, and milliseconds |
 //! | specification | below 1e-6 °/h | a hundredth of a strategic-grade drift; 0.005 °/h are 2.4e-8 rad/s |
+//! | weights | beside a criterion other than `a` | only `a` has weights |
 //! | total time | less than 30 filter periods | 15 unknowns take more; 200 minutes are 12 000 s |
 //! | total time | above 14 days | milliseconds |
 //! | filter period, settling, shortest dwell | above 10 min, 2 h, 10 h | milliseconds |
 //! | filter period | given, and a noise per period is not | the default noise then is another instrument's |
 
 use super::warning::{NoiseSource, Rescaled, Suspicion, TimeUnit, Warning};
-use crate::config::StudyConfig;
+use crate::config::{CriterionKind, StudyConfig};
 use crate::platform::{AxisValue, FilterConfig, GSensitivePrior};
 use crate::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 
@@ -78,6 +79,7 @@ pub(super) fn study(config: &StudyConfig, defaulted: &[String]) -> Vec<Warning> 
     found.0.extend(super::wandering::study(config));
     found.times(config);
     found.specification(config);
+    found.weights(config);
     found.period_alone(config, defaulted);
     found.0
 }
@@ -352,6 +354,25 @@ impl Warnings {
                 self.push(&format!("objective.{table}.{name}"), given, suspicion);
             }
         }
+    }
+
+    fn weights(&mut self, config: &StudyConfig) {
+        let objective = &config.objective;
+        if objective.criterion == CriterionKind::A || objective.weights.is_empty() {
+            return;
+        }
+        let weights = &objective.weights;
+        let default = weights.default.map(|w| ("default", w));
+        let of_drift = weights.coefficients.iter().map(|(c, w)| (c.name(), *w));
+        let others = weights.others.iter().map(|(name, w)| (*name, *w));
+        let all = default.into_iter().chain(of_drift).chain(others);
+        let all: Vec<String> = all.map(|(name, w)| format!("{name} = {w}")).collect();
+        let criterion = objective.criterion.name();
+        self.push(
+            "objective.weights",
+            format!("{{ {} }}", all.join(", ")),
+            Suspicion::WeightsUnused { criterion },
+        );
     }
 
     fn period_alone(&mut self, config: &StudyConfig, defaulted: &[String]) {

@@ -160,6 +160,11 @@ pub enum Suspicion {
         /// Units it may be in, with what it would be then, in the key's unit.
         readings: [Option<(&'static str, f64)>; 2],
     },
+    /// Weights beside a criterion that has none.
+    WeightsUnused {
+        /// Its name.
+        criterion: &'static str,
+    },
     /// The filter period was changed and the noises, which are per period, were not.
     PeriodAlone {
         /// White noise of the accelerometers, if it is the default; densities in g/√Hz.
@@ -274,6 +279,9 @@ impl Warning {
                 given,
                 readings,
             } => implausible(of, given, readings),
+            Suspicion::WeightsUnused { criterion } => {
+                format!("without effect: criterion `{criterion}` has no weights")
+            }
             Suspicion::PeriodAlone {
                 accelerometer,
                 gyro,
@@ -295,6 +303,9 @@ impl Warning {
             Suspicion::Time { .. } => format!("{key} is in seconds"),
             Suspicion::Implausible { of, .. } => format!("{key} is in {}", of.unit()),
             Suspicion::Dwells { .. } => "dwell_s is in seconds".to_owned(),
+            Suspicion::WeightsUnused { .. } => {
+                format!("leave {key} out, or give criterion = \"a\"")
+            }
             Suspicion::Quieter { instrument, .. } | Suspicion::Louder { instrument, .. } => {
                 match instrument {
                     NoiseSource::Accelerometer => {

@@ -1,5 +1,6 @@
 //! The program as a user runs it: every command, every kind of bad input, every exit code.
 
+mod answers;
 mod coloured;
 mod commands;
 mod comparison;

@@ -1,5 +1,6 @@
 //! The analysis for people: tables and sentences, at most 80 columns wide.
 
+use crate::analysis::remark::Remark;
 use crate::cli::named;
 use crate::cli::report::wrap;
 use crate::cli::table::Align::{Left, Right};
@@ -9,8 +10,8 @@ use crate::observability::solution::NoSolution;
 use crate::observability::{Channel, Order};
 use crate::report::words;
 use crate::results::{
-    AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, Standing,
-    SuggestionRecord,
+    AnalysedPosition, AnalysisDocument, CorrelationRecord, ReconstructionRecord, RemarkRecord,
+    Standing, SuggestionRecord,
 };
 use crate::wording::{number, optional, seconds, separability};
 
@@ -88,7 +89,7 @@ fn of_all_parameters(document: &AnalysisDocument) -> String {
         text.push_str(&named::unobservable(named));
         text.push_str(&named::weak(named));
     }
-    for remark in &document.remarks {
+    for remark in document.remarks.iter().filter(|r| !is_of_noise(r)) {
         text.push('\n');
         text.push_str(&wrap(&remark.words));
     }
@@ -379,7 +380,16 @@ fn classical(document: &AnalysisDocument) -> String {
         p.states,
         smallest.map_or_else(String::new, number),
     )));
+    // Where the numbers by the filter and those by the Gramian stand side by side.
+    for remark in document.remarks.iter().filter(|r| is_of_noise(r)) {
+        text.push_str(&wrap(&remark.words));
+    }
     text
+}
+
+/// Whether a remark says what is counted of noise that wanders.
+fn is_of_noise(remark: &RemarkRecord) -> bool {
+    remark.kind == Remark::NOISE_WANDERS
 }
 
 fn advice(document: &AnalysisDocument) -> String {

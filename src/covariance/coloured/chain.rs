@@ -37,7 +37,7 @@ pub(crate) fn run<T: Real>(
     rows: &mut Rows<T>,
 ) -> End<T> {
     let model = selection.of_model();
-    let kernels = ColouredDoublings::<T>::new(model);
+    let kernels = model.coloured_kernels.of::<T>(model);
     let layout = kernels.layout();
     let size = layout.states();
     let mut g = DMatrix::zeros(size, size);

@@ -14,19 +14,23 @@
 //! Columns are eliminated block by block in the order of the layout, the inputs last, in each block North,
 //! East, Up: in this order of columns R11 and R22 are upper triangular.
 
-use std::sync::OnceLock;
+use std::any::Any;
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, Matrix3};
 
 use super::Layout;
 use super::passage::Passed;
 use crate::attitude::{EAST, NORTH, UP};
-use crate::covariance::CovarianceModel;
 use crate::covariance::real::Real;
 use crate::covariance::triangle::{inverse_of, one_and_rows, root_of_sum, stacked};
+use crate::covariance::{CovarianceModel, Precision};
 
 /// Doublings kept: up to 2^32 periods.
 const DOUBLINGS: usize = 33;
+/// How many durations (in periods) are remembered.
+const REMEMBERED: usize = 4096;
 
 /// The element of n periods of a dwell, split over x and the inputs.
 #[derive(Debug, Clone, PartialEq)]
@@ -202,12 +206,34 @@ fn stacked_in_order<T: Real>(w1: &DMatrix<T>, w2: &DMatrix<T>) -> DMatrix<T> {
     w
 }
 
-/// Elements of 2^k periods, made when they are asked for.
+/// Kernels by number of periods, made when they are asked for, of elements of 2^k periods.
 #[derive(Debug)]
 pub(crate) struct ColouredDoublings<T: Real = f64> {
     layout: Layout,
     elements: [OnceLock<Box<Element<T>>>; DOUBLINGS],
     one_period: Element<T>,
+    remembered: Box<[OnceLock<Box<ColouredKernel<T>>>]>,
+}
+
+/// The kernels of a platform: made once for all of its schedules, and shared between threads.
+#[derive(Debug, Default)]
+pub(crate) struct KeptKernels {
+    /// [`ColouredDoublings`] in doubles, and in 32 digits.
+    double: OnceLock<Arc<dyn Any + Send + Sync>>,
+    extended: OnceLock<Arc<dyn Any + Send + Sync>>,
+}
+
+impl KeptKernels {
+    /// Those of `model`, to which these belong.
+    pub fn of<T: Real>(&self, model: &CovarianceModel) -> Arc<ColouredDoublings<T>> {
+        let kept = match T::PRECISION {
+            Precision::Double => &self.double,
+            Precision::Extended => &self.extended,
+        };
+        let made = || Arc::new(ColouredDoublings::<T>::new(model));
+        let kept = kept.get_or_init(|| -> Arc<dyn Any + Send + Sync> { made() });
+        Arc::clone(kept).downcast().unwrap_or_else(|_| made())
+    }
 }
 
 impl<T: Real> ColouredDoublings<T> {
@@ -218,6 +244,7 @@ impl<T: Real> ColouredDoublings<T> {
         Self {
             one_period: held.then(&Element::measured(&layout, model)),
             elements: std::array::from_fn(|_| OnceLock::new()),
+            remembered: (0..REMEMBERED).map(|_| OnceLock::new()).collect(),
             layout,
         }
     }
@@ -241,7 +268,14 @@ impl<T: Real> ColouredDoublings<T> {
     }
 
     /// The kernel of a dwell of `periods` filter periods.
-    pub fn kernel(&self, periods: usize) -> ColouredKernel<T> {
+    pub fn kernel(&self, periods: usize) -> Cow<'_, ColouredKernel<T>> {
+        match self.remembered.get(periods) {
+            Some(cell) => Cow::Borrowed(cell.get_or_init(|| Box::new(self.made(periods)))),
+            None => Cow::Owned(self.made(periods)),
+        }
+    }
+
+    fn made(&self, periods: usize) -> ColouredKernel<T> {
         let mut element = Element::identity(&self.layout);
         for k in 0..DOUBLINGS {
             if periods >> k & 1 == 1 {

@@ -24,6 +24,7 @@ pub(crate) mod algebra;
 mod back;
 mod columns;
 mod course;
+pub(crate) mod cuts;
 mod ending;
 mod integral;
 mod measuring;

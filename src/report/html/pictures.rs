@@ -7,7 +7,7 @@ use crate::report::figure::{
     Band, Color, Curve, Dash, Figure, Mark, Panel, Scale, Shape, Span, Style,
 };
 use crate::report::words;
-use crate::results::{ParetoRecord, ScoreRecord, SimulationDocument};
+use crate::results::{ParetoRecord, RoleRecord, ScoreRecord, SimulationDocument};
 use crate::units::Angle;
 use crate::wording::{number, seconds};
 
@@ -244,18 +244,49 @@ pub(super) fn front(front: &[ParetoRecord], score: &ScoreRecord) -> String {
         .to_svg()
 }
 
-/// RMS of error over sigma of each coefficient, with the bounds of a consistent filter.
+/// RMS of error over sigma of each parameter that the filter estimates, with the bounds of a consistent
+/// filter: the coefficients, and in panels below them the others.
 pub(super) fn consistency(document: &SimulationDocument) -> String {
-    let count = document.coefficients.len() as f64;
-    let names = document.coefficients.iter();
-    let names = names.map(|c| c.name.name().to_owned()).collect();
-    let [low, high] = document.ratio_bounds;
-    let top = document
+    /// So many names fit side by side; most come in threes.
+    const ABREAST: usize = 12;
+    let twelve: Vec<_> = document
         .coefficients
         .iter()
-        .filter_map(|c| c.ratio)
+        .map(|c| (c.name.name(), c.ratio))
+        .collect();
+    let others: Vec<_> = words::other_parameters(document)
+        .iter()
+        .filter(|p| p.role == RoleRecord::Estimated)
+        .map(|p| (p.name.as_str(), p.ratio))
+        .collect();
+    // Panels of about the same length.
+    let rows = others.len().div_ceil(ABREAST).max(1);
+    let in_a_row = others.len().div_ceil(rows).next_multiple_of(3).max(3);
+    let others = others.chunks(in_a_row);
+    let ratios = std::iter::once(&twelve[..]).chain(others);
+    let mut figure = Figure::new(1)
+        .with_panel_size(640.0, 300.0)
+        .with_id("ratio")
+        .with_label("RMS of error over sigma of every parameter; the tables have the numbers");
+    for (row, of_row) in ratios.enumerate() {
+        let what = match row {
+            0 => "coefficient",
+            _ => "parameter",
+        };
+        figure = figure.with_panel(ratio_panel(what, of_row, document.ratio_bounds));
+    }
+    figure.to_svg()
+}
+
+/// Ratios by name.
+fn ratio_panel(what: &str, ratios: &[(&str, Option<f64>)], [low, high]: [f64; 2]) -> Panel {
+    let count = ratios.len() as f64;
+    let names = ratios.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let top = ratios
+        .iter()
+        .filter_map(|(_, ratio)| *ratio)
         .fold(high.max(1.2), f64::max);
-    let mut panel = Panel::new("", "coefficient", "RMS of error/σ")
+    let mut panel = Panel::new("", what, "RMS of error/σ")
         .with_x_names(names)
         .with_x_range(0.0, count + 1.0)
         .with_y_range(0.0, 1.1 * top)
@@ -269,22 +300,17 @@ pub(super) fn consistency(document: &SimulationDocument) -> String {
             LIMIT,
             vec![[0.0, 1.0], [count + 1.0, 1.0]],
         ));
-    for (i, c) in document.coefficients.iter().enumerate() {
-        let Some(ratio) = c.ratio else { continue };
+    for (i, (name, ratio)) in ratios.iter().enumerate() {
+        let Some(ratio) = *ratio else { continue };
         let inside = (low..=high).contains(&ratio);
         let (shape, color) = match inside {
             true => (Shape::Dot, Color::Blue),
             false => (Shape::Cross, Color::Vermillion),
         };
-        let title = format!("{}: {ratio:.3}", c.name.name());
+        let title = format!("{name}: {ratio:.3}");
         panel = panel.with_mark(Mark::new([i as f64 + 1.0, ratio], shape, color, title));
     }
-    Figure::new(1)
-        .with_panel_size(640.0, 300.0)
-        .with_id("ratio")
-        .with_label("RMS of error over sigma of every coefficient; the table has the numbers")
-        .with_panel(panel)
-        .to_svg()
+    panel
 }
 
 /// Where gravity points in the platform while a position is held, in units of g.

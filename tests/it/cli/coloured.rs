@@ -80,7 +80,7 @@ fn a_simulation_carries_it() {
     let evaluated = document(&desk, &["evaluate", "--schedule", "mine.csv"]);
     let planned = found["rms_planned_sigma_deg_per_h"].as_f64().unwrap();
     let sigma = evaluated["rms_sigma_deg_per_h"].as_f64().unwrap();
-    assert!((planned / sigma - 1.0).abs() < 1e-3, "{planned} {sigma}");
+    assert!((planned / sigma - 1.0).abs() < 1e-9, "{planned} {sigma}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use scheme_opt::internals::covariance::CovarianceModel;
 use scheme_opt::internals::drift::COEFFICIENTS;
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{AxisValue, Platform, PlatformConfig};
+use scheme_opt::internals::platform::{AxisValue, Platform, PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::Schedule;
 use scheme_opt::internals::simulate::consistency::Verdict;
 use scheme_opt::internals::simulate::{
@@ -56,8 +56,7 @@ fn print(found: &MonteCarlo) {
     }
 }
 
-/// The gains of the linear filter are those of the reference but for what a turn of the Earth does to the
-/// mean of a period, and a slew to one of what fades within it.
+/// The gains of the linear filter are those of the reference.
 #[test]
 fn the_linear_filters_sigma_is_that_of_the_reference() {
     let options = with(TruthModel::FirstOrder, FilterModel::Linear);
@@ -70,7 +69,41 @@ fn the_linear_filters_sigma_is_that_of_the_reference() {
         });
         let worst = off.fold(0.0, f64::max);
         println!("{}: {worst:.1e}", case.name);
-        assert!(worst < 1e-4, "{}: {worst:e}", case.name);
+        assert!(worst < 1e-9, "{}: {worst:e}", case.name);
+    }
+}
+
+/// However short the time constant beside a period, and however the platform turns meanwhile.
+#[test]
+fn what_is_planned_is_what_the_evaluator_says() {
+    let moves: [&dyn Fn(&mut PlatformConfig); 4] = [
+        &|_| {},
+        &|c| c.motion.measure_moves = true,
+        &|c| c.motion.slew_rate_deg_per_s = None,
+        &|c| c.motion.repositioning = Repositioning::FrameHold,
+    ];
+    let options = with(TruthModel::FirstOrder, FilterModel::Linear);
+    for (time_s, moving) in [3.0, 60.0, 4000.0].into_iter().zip(moves.iter().cycle()) {
+        for moving in [moving, &moves[1]] {
+            let test = wandering(|c| {
+                c.gyro.bias_correlation_time_s = Some(time_s);
+                c.motion.slew_rate_deg_per_s = Some(7.0);
+                c.motion.settle_s = 7.0;
+                moving(c);
+            });
+            let found = monte_carlo(&test, 2, options);
+            let timeline = Timeline::new(&test.0.clone().into(), &test.1).unwrap();
+            let by_the_chain = CovarianceModel::new(&test.0).full_covariance(&timeline);
+            let sigma = by_the_chain.unwrap().sigma();
+            for (check, sigma) in found.parameters.iter().zip(sigma) {
+                let off = check.check.planned_sigma / sigma - 1.0;
+                assert!(
+                    off.abs() < 1e-9,
+                    "{time_s} {}: {off:e}",
+                    check.parameter.name
+                );
+            }
+        }
     }
 }
 
@@ -93,7 +126,7 @@ fn a_filter_that_knows_of_it_is_consistent() {
         for (check, sigma) in found.parameters.iter().zip(sigma) {
             let planned = check.check.planned_sigma;
             assert!(
-                (planned / sigma - 1.0).abs() < 1e-3,
+                (planned / sigma - 1.0).abs() < 1e-9,
                 "{}",
                 check.parameter.name
             );

@@ -137,8 +137,12 @@ fn rows_are_triangular_block_by_block() {
 #[test]
 fn in_32_digits_it_is_the_same() {
     let model = model(true, true, false);
-    let doubles = ColouredDoublings::<f64>::new(&model).kernel(77);
-    let extended = ColouredDoublings::<Extended>::new(&model).kernel(77);
+    let doubles = ColouredDoublings::<f64>::new(&model)
+        .kernel(77)
+        .into_owned();
+    let extended = ColouredDoublings::<Extended>::new(&model)
+        .kernel(77)
+        .into_owned();
     let of = |m: &DMatrix<Extended>| m.map(Real::f64);
     let (c, expected) = (doubles.c(), of(&extended.c()));
     assert!((&c - &expected).amax() < 1e-11 * expected.amax());
@@ -157,7 +161,9 @@ fn without_wandering_it_is_the_white_kernel() {
     config.gyro.bias_instability_deg_per_h = Some(1e-9);
     config.gyro.bias_correlation_time_s = Some(500.0);
     let model = CovarianceModel::new(&config.check().unwrap());
-    let k = ColouredDoublings::<f64>::new(&model).kernel(100);
+    let k = ColouredDoublings::<f64>::new(&model)
+        .kernel(100)
+        .into_owned();
     let white = model.kernels.kernel(100);
     let psi = k.a_x.fixed_view::<3, 3>(0, 0) - white.a_psi;
     assert!(psi.amax() < 1e-10);

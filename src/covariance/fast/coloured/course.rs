@@ -9,6 +9,7 @@ use super::algebra::{
     product_transposed, square, square_root, transpose, transposed_product, turn_covariance,
     turn_rows, whitener,
 };
+use super::cuts::{Around, Entries4, spread};
 use super::integral::integral;
 use super::moving::Panel;
 use super::rows::{append_combined, pass_rows, turn_blocks};
@@ -16,6 +17,7 @@ use super::tape::{At, Channel, Memory, Step, Tape, Told, Turning, put};
 use super::wander::{Kernel, Share, Transition, Wander, add_noise};
 use super::{Columns, Place, shift};
 use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
+use crate::covariance::fast::attitude_entries;
 use crate::covariance::fast::course::{Grows, Legs, Stretch};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::Interval;
@@ -151,40 +153,59 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
         (v, put(&mut self.tape.states, self.p))
     }
 
-    /// Through all legs.
+    /// Through all legs, of a whole test or of a part with something `around` it.
     #[inline(always)]
-    pub fn run(mut self) {
+    pub fn run(mut self, around: Option<&Around>) {
         let mut previous: Option<Place<A>> = None;
+        if let Some((v, p, c)) = around.and_then(Around::before) {
+            self.v = spread(self.ar, v);
+            for i in 0..S {
+                for j in 0..S {
+                    self.p[i][j] = self.ar.number(p[i * S + j]);
+                }
+            }
+            let c = attitude_entries(c);
+            let c = three!(|i| three!(|j| self.ar.number(c[i][j])));
+            previous = Some(Place::at_rest(self.ar, self.columns, self.earth, c));
+        }
         for leg in 0..self.legs.count() {
-            let at = self.place(leg);
-            match &previous {
-                None => self.start(&at),
-                Some(from) => self.arrive(leg, from, &at),
-            }
-            if self.legs.settles(leg) {
-                let (length_s, halves) = (self.legs.settle_s(leg), self.wander.settle_halves);
-                self.apart(leg, Piece::Pass(&at, length_s, halves));
-            }
-            if let Some(kernel) = self.legs.kernel(leg) {
-                self.apart(leg, Piece::Dwell(&kernel, &at));
-            }
-            if self.legs.remains(leg) {
-                let (length_s, weight) = self.legs.remainder(leg);
-                let halves = self.wander.rest_halves;
-                self.apart(leg, Piece::Pass(&at, length_s, halves));
-                if self.tape.on {
-                    let (v, p) = self.keep();
-                    self.step(leg, Step::Length { v, p });
-                }
-                if let Some(weight) = weight {
-                    self.measure(leg, weight, Grows::WithDwell, None, &at);
-                }
-            }
-            previous = Some(at);
+            previous = Some(self.leg(leg, previous.as_ref()));
         }
-        if !self.columns.walked.is_empty() {
-            self.pin();
+        match around.and_then(Around::rest) {
+            Some((r, s)) => self.join(r, s),
+            None if self.columns.walked.is_empty() => {}
+            None => self.pin(),
         }
+    }
+
+    /// Through a leg, from where it is before; gives where it is then.
+    #[inline(always)]
+    pub fn leg(&mut self, leg: usize, previous: Option<&Place<A>>) -> Place<A> {
+        let at = self.place(leg);
+        match previous {
+            None => self.start(&at),
+            Some(from) => self.arrive(leg, from, &at),
+        }
+        if self.legs.settles(leg) {
+            let (length_s, halves) = (self.legs.settle_s(leg), self.wander.settle_halves);
+            self.apart(leg, Piece::Pass(&at, length_s, halves));
+        }
+        if let Some(kernel) = self.legs.kernel(leg) {
+            self.apart(leg, Piece::Dwell(&kernel, &at));
+        }
+        if self.legs.remains(leg) {
+            let (length_s, weight) = self.legs.remainder(leg);
+            let halves = self.wander.rest_halves;
+            self.apart(leg, Piece::Pass(&at, length_s, halves));
+            if self.tape.on {
+                let (v, p) = self.keep();
+                self.step(leg, Step::Length { v, p });
+            }
+            if let Some(weight) = weight {
+                self.measure(leg, weight, Grows::WithDwell, None, &at);
+            }
+        }
+        at
     }
 
     /// V is U there and, of the random walk, what D_F is of it.
@@ -423,6 +444,28 @@ impl<'a, A: Arithmetic, L: Wanders<A>, const S: usize, const I: usize> Forward<'
             let weight = self.legs.vertical(leg);
             self.vertical(leg, weight, None, None, at);
         }
+    }
+
+    /// What follows tells R x + S D: with T = R V + S the rows (I + R P Rᵀ)^{-½} T.
+    #[inline(always)]
+    fn join(&mut self, r: &[f64], s: &[Entries4]) {
+        let width = self.columns.width;
+        let r: Matrix<A::Number, S, S> = {
+            let mut of_x = algebra::zeros(self.ar.number(0.0));
+            for i in 0..S {
+                for j in 0..S {
+                    of_x[i][j] = self.ar.number(r[i * S + j]);
+                }
+            }
+            of_x
+        };
+        let through = product(self.ar, &r, &square_root(&self.p));
+        let white = whitener(self.ar, &square(&through));
+        let seen = product(self.ar, &white, &r);
+        let s = spread(self.ar, s);
+        append_combined(&mut self.told.rows, (&seen, &self.v), (&white, &s), width);
+        let weights = self.told.weights.len() + S;
+        self.told.weights.resize(weights, self.ar.number(1.0));
     }
 
     /// At the end of the test the random walk is 0.

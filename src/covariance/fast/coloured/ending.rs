@@ -2,6 +2,7 @@
 
 use super::back::Backward;
 use super::course::{Forward, Wanders};
+use super::cuts::{Around, spread};
 use super::rows::{add_squares, times_symmetric};
 use super::tape::Memory;
 use super::{Coloured, Columns};
@@ -36,6 +37,8 @@ pub(super) struct Run<'a, A, L, const S: usize, const I: usize> {
     pub coloured: &'a Coloured,
     pub legs: &'a L,
     pub keeps_tape: bool,
+    /// Of a part of a test.
+    pub around: Option<&'a Around>,
 }
 
 impl<A, L, const S: usize, const I: usize> Work for Run<'_, A, L, S, I>
@@ -52,10 +55,13 @@ where
         let earth = Earth::new(zero, &model.dynamics, model.drift_psd);
         let mut memory = Memory::take(self.keeps_tape);
         let of = (columns, wander);
-        Forward::new(ar, of, self.legs, &earth, &mut memory, &model.prior_psi).run();
+        Forward::new(ar, of, self.legs, &earth, &mut memory, &model.prior_psi).run(self.around);
         let told = &memory.told;
         let (width, size) = (columns.width, columns.order.size());
-        let mut e = vec![ar.quad([zero; 4]); 4 * width * width];
+        let mut e = match self.around {
+            Some(around) => spread(ar, around.gram()),
+            None => vec![ar.quad([zero; 4]); 4 * width * width],
+        };
         add_squares(&mut e, &told.rows, &told.weights, width);
         let mut rows = Vec::with_capacity(size * 4 * width);
         for row in e.chunks_exact(width).take(size) {

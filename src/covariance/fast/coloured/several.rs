@@ -3,6 +3,7 @@
 use pulp::Simd;
 
 use super::course::Wanders;
+use super::cuts::Around;
 use super::ending::{Back, Ending, Pull, Run};
 use super::{Coloured, Size};
 use crate::covariance::fast::arithmetic::{
@@ -81,6 +82,7 @@ impl<S: Simd, L: Alignment> Wanders<Lanes<S, L>> for Group<'_, S, L> {
 fn ending<S: Simd, L: Alignment, const N: usize, const I: usize>(
     group: &Group<'_, S, L>,
     coloured: &Coloured,
+    around: Option<&Around>,
     keeps_tape: bool,
 ) -> Ending<Lanes<S, L>, N, I> {
     let (ar, model) = (group.ar, group.timelines[0].model);
@@ -90,6 +92,7 @@ fn ending<S: Simd, L: Alignment, const N: usize, const I: usize>(
         coloured,
         legs: group,
         keeps_tape,
+        around,
     })
 }
 
@@ -97,6 +100,8 @@ fn ending<S: Simd, L: Alignment, const N: usize, const I: usize>(
 struct Values<'a, const N: usize, const I: usize> {
     batch: Batch<'a>,
     coloured: &'a Coloured,
+    /// Of parts of a test.
+    around: Option<&'a Around>,
     merit: Value<'a>,
 }
 
@@ -105,14 +110,17 @@ impl<const N: usize, const I: usize> LaneTask for Values<'_, N, I> {
     #[inline(always)]
     fn run<S: Simd, L: Alignment>(self, ar: Lanes<S, L>) -> Vec<Result<f64>> {
         let Self {
-            batch, coloured, ..
+            batch,
+            coloured,
+            around,
+            ..
         } = self;
         let columns = &coloured.columns;
         let mut out: Vec<Result<f64>> = Vec::new();
         out.resize_with(batch.timelines.len(), || Err(not_finite()));
         for of in batch.groups(S::F64_LANES) {
             let group = batch.group(ar, &of, true);
-            let end = ending::<_, _, N, I>(&group, coloured, false);
+            let end = ending::<_, _, N, I>(&group, coloured, around, false);
             for (lane, &i) in of.iter().enumerate() {
                 let value = |v: Lane<S, L>| v.lane(lane);
                 out[i] = match end.posterior.keeps_digits(value) {
@@ -120,7 +128,9 @@ impl<const N: usize, const I: usize> LaneTask for Values<'_, N, I> {
                     false => {
                         let timeline = &batch.timelines[i];
                         let merit = &mut |p: &dyn CoefficientCovariance| (self.merit)(p);
-                        (batch.model).coloured_value_in_step(coloured, timeline, batch.rule, merit)
+                        let rule = batch.rule;
+                        (batch.model)
+                            .coloured_value_in_step(coloured, timeline, rule, around, merit)
                     }
                 };
             }
@@ -150,7 +160,7 @@ impl<const N: usize, const I: usize> LaneTask for Gradients<'_, N, I> {
         } = self;
         let columns = &coloured.columns;
         let group = batch.group(ar, self.of, true);
-        let end = ending::<_, _, N, I>(&group, coloured, true);
+        let end = ending::<_, _, N, I>(&group, coloured, None, true);
         let mut slopes = Slopes::default();
         for (lane, &i) in self.of.iter().enumerate() {
             let value = |v: Lane<S, L>| v.lane(lane);
@@ -207,11 +217,24 @@ impl CovarianceModel {
         rule: TickRule,
         merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
     ) -> Vec<Result<f64>> {
+        self.coloured_values_around(coloured, timelines, rule, None, merit)
+    }
+
+    /// The same of whole tests, or of parts of one with something `around` them.
+    pub(super) fn coloured_values_around(
+        &self,
+        coloured: &Coloured,
+        timelines: &[Timeline],
+        rule: TickRule,
+        around: Option<&Around>,
+        merit: impl Fn(&dyn CoefficientCovariance) -> Result<f64>,
+    ) -> Vec<Result<f64>> {
         macro_rules! run {
             ($states:literal, $inputs:literal) => {{
                 let values = Values::<$states, $inputs> {
                     batch: self.coloured_batch(coloured, timelines, rule),
                     coloured,
+                    around,
                     merit: &merit,
                 };
                 run_in_registers(self.most_lanes, values).ok()
@@ -225,8 +248,9 @@ impl CovarianceModel {
         };
         // Plain numbers need no lanes of their own.
         found.unwrap_or_else(|| {
-            let alone =
-                |timeline| self.coloured_value_in_step(coloured, timeline, rule, &mut |p| merit(p));
+            let alone = |timeline| {
+                self.coloured_value_in_step(coloured, timeline, rule, around, &mut |p| merit(p))
+            };
             timelines.iter().map(alone).collect()
         })
     }

@@ -2,6 +2,7 @@
 
 use super::columns::packed;
 use super::course::Wanders;
+use super::cuts::Around;
 use super::ending::{Back, Ending, Pull, Run};
 use super::{Coloured, Columns, by_size};
 use crate::covariance::fast::arithmetic::Single;
@@ -53,6 +54,8 @@ struct ToEnd<'a, const S: usize, const I: usize> {
     rule: TickRule,
     wanted: Wanted<'a>,
     how: How,
+    /// Of a part of a test.
+    around: Option<&'a Around>,
 }
 
 impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
@@ -78,12 +81,13 @@ impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
             coloured,
             legs: &legs,
             keeps_tape,
+            around: self.around,
         });
         let kept = !self.how.by_rows && end.posterior.keeps_digits(|v| v);
         let of = OfPosterior::new(&end.posterior, &columns.order, |v: f64| v);
         let value = match self.wanted {
             Wanted::Value(merit) if kept => merit(&of)?,
-            Wanted::Value(merit) => merit(&stacked(&end, columns)?)?,
+            Wanted::Value(merit) => merit(&stacked(&end, columns, self.around)?)?,
             Wanted::Gradient(merit, out) => {
                 let (value, through) = if kept {
                     let (value, slope) = merit(&of)?;
@@ -95,7 +99,7 @@ impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
                     };
                     (value, ar.always_apart(pull))
                 } else {
-                    let stacked = stacked(&end, columns)?;
+                    let stacked = stacked(&end, columns, self.around)?;
                     let (value, slope) = merit(&stacked)?;
                     (value, rows(ar, columns, &stacked.times_adjoint(&slope)))
                 };
@@ -120,8 +124,10 @@ impl<const S: usize, const I: usize> Task for ToEnd<'_, S, I> {
 fn stacked<'a, A: Single, const S: usize, const I: usize>(
     end: &Ending<A, S, I>,
     columns: &'a Columns,
+    around: Option<&Around>,
 ) -> Result<Stacked<'a>> {
-    let told = end.rows(columns).map(|(row, weight)| Told {
+    let more = around.into_iter().flat_map(|around| around.rows(columns));
+    let told = end.rows(columns).chain(more).map(|(row, weight)| Told {
         row,
         scale: weight.sqrt(),
     });
@@ -146,6 +152,7 @@ impl CovarianceModel {
         rule: TickRule,
         how: How,
         wanted: Wanted<'a>,
+        around: Option<&'a Around>,
     ) -> Result<f64> {
         macro_rules! run {
             ($states:literal, $inputs:literal) => {
@@ -156,6 +163,7 @@ impl CovarianceModel {
                     rule,
                     wanted,
                     how,
+                    around,
                 })
             };
         }
@@ -176,22 +184,24 @@ impl CovarianceModel {
         merit: Merit<'_, f64>,
     ) -> Result<f64> {
         let how = How::default();
-        self.to_coloured_end(coloured, timeline, rule, how, Wanted::Value(merit))
+        self.to_coloured_end(coloured, timeline, rule, how, Wanted::Value(merit), None)
     }
 
-    /// The same with the bits that it has in lanes.
+    /// The same with the bits that it has in lanes, of a whole test or of a part.
     pub(super) fn coloured_value_in_step(
         &self,
         coloured: &Coloured,
         timeline: &Timeline,
         rule: TickRule,
+        around: Option<&Around>,
         merit: Merit<'_, f64>,
     ) -> Result<f64> {
         let how = How {
             in_step: true,
             ..How::default()
         };
-        self.to_coloured_end(coloured, timeline, rule, how, Wanted::Value(merit))
+        let wanted = Wanted::Value(merit);
+        self.to_coloured_end(coloured, timeline, rule, how, wanted, around)
     }
 
     /// As [`CovarianceModel::gradient`], where drift or biases wander.
@@ -219,7 +229,7 @@ impl CovarianceModel {
     ) -> Result<(f64, Vec<LegGradient>)> {
         let mut out = vec![LegGradient::default(); timeline.legs().len()];
         let wanted = Wanted::Gradient(merit, &mut out);
-        let value = self.to_coloured_end(coloured, timeline, rule, how, wanted)?;
+        let value = self.to_coloured_end(coloured, timeline, rule, how, wanted, None)?;
         Ok((value, out))
     }
 
@@ -232,6 +242,18 @@ impl CovarianceModel {
         how: How,
         merit: Merit<'_, f64>,
     ) -> Result<f64> {
-        self.to_coloured_end(coloured, timeline, rule, how, Wanted::Value(merit))
+        self.to_coloured_end(coloured, timeline, rule, how, Wanted::Value(merit), None)
+    }
+    #[cfg(test)]
+    pub(super) fn coloured_value_of_part(
+        &self,
+        coloured: &Coloured,
+        (part, around): (&Timeline, &Around),
+        rule: TickRule,
+        how: How,
+        merit: Merit<'_, f64>,
+    ) -> Result<f64> {
+        let wanted = Wanted::Value(merit);
+        self.to_coloured_end(coloured, part, rule, how, wanted, Some(around))
     }
 }

@@ -48,7 +48,7 @@ fn selections() -> Vec<Value> {
 }
 
 /// Every selection with every kind of step.
-fn for_each_platform(mut test: impl FnMut(&str, usize, &Platform)) {
+pub(super) fn for_each_platform(mut test: impl FnMut(&str, usize, &Platform)) {
     for (m, motion) in motions().iter().enumerate() {
         for (s, selection) in selections().iter().enumerate() {
             let name = format!("motion {m}, selection {s}");
@@ -57,7 +57,7 @@ fn for_each_platform(mut test: impl FnMut(&str, usize, &Platform)) {
     }
 }
 
-fn log(p: &dyn CoefficientCovariance) -> Result<f64> {
+pub(super) fn log(p: &dyn CoefficientCovariance) -> Result<f64> {
     Criterion::rms().log(p, Smoothing::Exact)
 }
 
@@ -217,7 +217,7 @@ fn lanes_have_the_bits_of_single_schedules() {
             .map(|t| {
                 let coloured = model.coloured.as_deref().unwrap();
                 model
-                    .coloured_value_in_step(coloured, t, rule, &mut log)
+                    .coloured_value_in_step(coloured, t, rule, None, &mut log)
                     .unwrap()
             })
             .collect();

@@ -1,7 +1,7 @@
 //! What wanders, as the chain reads it: blocks, kernels of dwells, and time at a position.
 
 use std::borrow::Cow;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, Matrix3};
 
@@ -371,7 +371,7 @@ fn of_axis(dynamics: &ErrorDynamics, m: &Matrix3<f64>) -> [f64; 3] {
 /// The kernels of dwells by their numbers of periods.
 #[derive(Debug)]
 struct Kernels {
-    doublings: ColouredDoublings<f64>,
+    doublings: Arc<ColouredDoublings<f64>>,
     remembered: Box<[OnceLock<Box<[f64]>>]>,
     /// Of every component of the layout's x, its place among `states`.
     places: Vec<usize>,
@@ -381,7 +381,7 @@ struct Kernels {
 impl Kernels {
     fn new(model: &CovarianceModel, blocks: &[usize], states: usize) -> Self {
         Self {
-            doublings: ColouredDoublings::new(model),
+            doublings: model.coloured_kernels.of(model),
             remembered: (0..REMEMBERED).map(|_| OnceLock::new()).collect(),
             places: blocks.iter().flat_map(|b| 3 * b..3 * b + 3).collect(),
             states,
