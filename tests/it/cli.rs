@@ -13,6 +13,7 @@ mod refusals;
 mod resume;
 mod schemas;
 mod specifications;
+mod tables;
 mod verdicts;
 mod warnings;
 

@@ -122,7 +122,7 @@ fn bad_schedules_are_refused_by_line_key_and_value() {
         (
             "bad.csv",
             "alpha_deg,beta_deg,gamma_deg,dwell\n0,0,0,1\n".to_owned(),
-            &["bad.csv:1", "dwell", "did you mean `dwell_s`?"],
+            &["bad.csv:1", "dwell", "does not say its unit", "dwell_s"],
         ),
         (
             "bad.json",
