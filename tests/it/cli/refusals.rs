@@ -232,7 +232,7 @@ fn unreadable_files_are_refused() {
     desk.run(&["search", "latin.toml"])
         .refused(&["latin.toml:2", "UTF-8"]);
     desk.run(&["evaluate", "-s", "latin.csv"])
-        .refused(&["latin.csv:1", "UTF-8"]);
+        .refused(&["latin.csv:1", "names the columns"]);
     desk.run(&["search", "none.toml"])
         .refused(&["none.toml", "cannot read the file"]);
     desk.run(&["evaluate", "-s", "none.csv"])

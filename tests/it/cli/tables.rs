@@ -79,6 +79,50 @@ fn a_workbook_is_converted_and_read_wherever_a_schedule_is() {
     }
 }
 
+/// What tells an engineer on the stand whether angles are meant the same way: a positive alpha turns the
+/// platform about −x, and so brings gravity's reaction towards +z.
+#[test]
+fn an_evaluation_says_when_a_position_is_held_and_what_the_accelerometers_read() {
+    let desk = Desk::new();
+    let csv =
+        "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,0,0,600\n30,0,0,600\n0,0,90,600\n20,30,-50,900\n";
+    desk.write("s.csv", csv);
+    desk.write(
+        "p.toml",
+        "[motion]\nslew_rate_deg_per_s = 1.0\nsettle_s = 30.0\n",
+    );
+    let text = desk.done(&["evaluate", "-s", "s.csv", "--platform", "p.toml"]);
+    assert!(
+        text.contains("What the accelerometers read there"),
+        "{text}"
+    );
+    let json = desk.done(&["evaluate", "-s", "s.csv", "--platform", "p.toml", "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let positions = document["positions"].as_array().unwrap();
+    let starts: Vec<f64> = positions
+        .iter()
+        .map(|p| p["starts_s"].as_f64().unwrap())
+        .collect();
+    // 30° and 90° at 1 °/s, then 140°, each with 30 s of settling.
+    let expected = [0.0, 660.0, 660.0 + 600.0 + 120.0, 1380.0 + 600.0 + 170.0];
+    for (found, expected) in starts.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{starts:?}");
+    }
+    let (sa, ca) = 20f64.to_radians().sin_cos();
+    let (sb, cb) = 30f64.to_radians().sin_cos();
+    let (sg, cg) = (-50f64).to_radians().sin_cos();
+    let half = 0.75f64.sqrt();
+    // The Up row of Mx(α) My(β) Mz(γ).
+    let general = [sa * sb * cg - ca * sg, sa * sb * sg + ca * cg, sa * cb];
+    let expected = [[0.0, 1.0, 0.0], [0.0, half, 0.5], [-1.0, 0.0, 0.0], general];
+    for (position, expected) in positions.iter().zip(expected) {
+        for (axis, expected) in expected.into_iter().enumerate() {
+            let found = position["specific_force_g"][axis].as_f64().unwrap();
+            assert!((found - expected).abs() < 1e-12, "{position}");
+        }
+    }
+}
+
 #[test]
 fn what_a_workbook_leaves_open_is_refused_with_advice() {
     let desk = Desk::new();
