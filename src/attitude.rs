@@ -214,6 +214,12 @@ impl Attitude {
         -self.0.row(UP).transpose()
     }
 
+    /// The specific force in the platform at rest, f^c = −g^c, in g: what perfect accelerometers along
+    /// its axes read, the Up row of C_c^n.
+    pub(crate) fn specific_force_c(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| self.0[(UP, axis)])
+    }
+
     /// One Euler triple of this attitude, β in [−90°, 90°], half turns positive. At β = ±90° only
     /// α ∓ γ is determined; γ is then set to zero.
     pub fn position(&self) -> Position {

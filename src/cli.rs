@@ -14,6 +14,7 @@ mod checkpoint;
 mod commands;
 mod compare;
 mod completions;
+mod convert;
 mod evaluate;
 mod exit;
 mod files;
@@ -78,6 +79,7 @@ fn dispatch(command: &Invocation) -> Result<Exit> {
         Invocation::Bound(args) => bound::run(args, output),
         Invocation::Init(args) => init::run(args, output),
         Invocation::Standard(args) => standard::run(args, output),
+        Invocation::Convert(args) => convert::run(args, output),
         Invocation::Commands(args) => commands::run(args, output),
         Invocation::Report(args) => page::run(args, output),
         Invocation::Schema(args) => schema::run(args, output),

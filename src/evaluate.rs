@@ -165,6 +165,31 @@ pub struct Evaluation {
     pub precision: Precision,
     /// Where kernels and filter differed in doubles, before both were repeated in 32 digits.
     pub first_disagreement: Option<Disagreement>,
+    /// When each position of the schedule begins to be held, and what accelerometers read there.
+    pub positions: Vec<HeldPosition>,
+}
+
+/// A position of a schedule in its test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldPosition {
+    /// When the move to it and its settling are over, from the start of the test, s.
+    pub starts_s: f64,
+    /// What perfect accelerometers along the platform's axes read there, g.
+    pub specific_force_g: [f64; 3],
+}
+
+/// Every position of the schedule in order.
+fn held_positions(timeline: &Timeline) -> Vec<HeldPosition> {
+    let mut time_s = 0.0;
+    let mut all = Vec::with_capacity(timeline.legs().len());
+    for leg in timeline.legs() {
+        time_s += leg.duration_s();
+        all.push(HeldPosition {
+            starts_s: time_s - leg.dwell_s,
+            specific_force_g: leg.attitude.specific_force_c(),
+        });
+    }
+    all.drain(timeline.positions()).collect()
 }
 
 impl Evaluation {
@@ -325,6 +350,7 @@ impl Evaluator {
             agreement,
             precision,
             first_disagreement,
+            positions: held_positions(&timeline),
         })
     }
 

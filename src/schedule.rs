@@ -10,6 +10,8 @@ pub(crate) mod periods;
 pub mod standard;
 pub(crate) mod text;
 
+use std::collections::BTreeMap;
+
 use crate::attitude::Position;
 use crate::error::{Error, Result};
 
@@ -64,7 +66,12 @@ impl ScheduledPosition {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Schedule {
     positions: Vec<ScheduledPosition>,
+    /// What else was said of each position; empty where nothing was.
+    notes: Vec<Notes>,
 }
+
+/// What a file says of a position beside what the program understands: heading and text.
+pub type Notes = BTreeMap<String, String>;
 
 impl Schedule {
     /// A schedule of these positions.
@@ -84,7 +91,24 @@ impl Schedule {
         for (i, p) in positions.iter().enumerate() {
             check_position(i, p)?;
         }
-        Ok(Self { positions })
+        let notes = Vec::new();
+        Ok(Self { positions, notes })
+    }
+
+    /// The same with notes, one for each position in order.
+    pub(crate) fn with_notes(mut self, notes: Vec<Notes>) -> Self {
+        self.notes = notes;
+        // Without any, it is equal to a schedule that never had some.
+        if self.notes.iter().all(Notes::is_empty) {
+            self.notes.clear();
+        }
+        self
+    }
+
+    /// What else was said of a position in the file that the schedule is from.
+    pub fn notes(&self, index: usize) -> &Notes {
+        static NONE: Notes = Notes::new();
+        self.notes.get(index).unwrap_or(&NONE)
     }
 
     /// The schedule of a file: CSV or JSON, told apart by their content.

@@ -50,6 +50,8 @@ pub(super) enum Invocation {
     Init(InitArgs),
     /// List the built-in schemes, or write one
     Standard(StandardArgs),
+    /// Turn a schedule as one has it (Excel, CSV of any kind) into a schedule file
+    Convert(ConvertArgs),
     /// Write what the stand is told to do, second by second, as CSV
     Commands(CommandsArgs),
     /// Write the report of a document, HTML
@@ -74,6 +76,7 @@ impl Invocation {
             Self::Bound(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
+            Self::Convert(a) => a.messages.quiet,
             Self::Commands(a) => a.common.messages.quiet,
             Self::Report(a) => a.messages.quiet,
             Self::Schema(a) => a.messages.quiet,
@@ -405,6 +408,22 @@ pub(super) struct StandardArgs {
     /// The list as JSON too
     #[arg(long, conflicts_with = "format")]
     pub json: bool,
+    #[command(flatten)]
+    pub messages: Messages,
+}
+
+/// Arguments of `convert`.
+#[derive(Debug, Args)]
+pub(super) struct ConvertArgs {
+    /// Excel workbook (.xlsx), CSV or text with commas, semicolons or tabs, or JSON
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// File to write the schedule to [default: stdout]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Format of the schedule [default: by the extension of the output file, else json]
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub format: Option<Format>,
     #[command(flatten)]
     pub messages: Messages,
 }

@@ -135,7 +135,7 @@ pub(super) fn warn_of_schedule(file: &Path, schedule: &Schedule, study: &Study, 
 }
 
 /// Says what is hard to believe.
-fn warn(warnings: &[Warning], file: Option<&Path>, output: Output) {
+pub(super) fn warn(warnings: &[Warning], file: Option<&Path>, output: Output) {
     let file = file.map_or_else(String::new, |f| format!("{}: ", f.display()));
     for warning in warnings {
         output.message(&format!("warning: {file}{warning}"));

@@ -123,6 +123,8 @@ pub(super) fn evaluation(
     text.push_str("\nSchedule\n\n");
     text.push_str(&table::schedule(platform, timeline));
     text.push_str(&beyond_limits(document, platform, timeline));
+    text.push_str("\nWhat the accelerometers read there, if the angles are meant as here\n\n");
+    text.push_str(&table::specific_force(timeline));
     text.push_str("\nCoefficients after the test, 1 sigma\n\n");
     text.push_str(&table::coefficients(document));
     text.push_str(&constant_part(document));

@@ -1,7 +1,10 @@
 //! `standard`: lists the built-in schemes, or writes one.
 
+use std::path::Path;
+
 use crate::error::Result;
 use crate::results::SchemeListDocument;
+use crate::schedule::Schedule;
 use crate::schedule::standard::StandardScheme;
 
 use super::args::{Format, StandardArgs};
@@ -24,10 +27,7 @@ fn write(name: &str, args: &StandardArgs, output: Output) -> Result<()> {
     let scheme = StandardScheme::from_name(name)?;
     let study = inputs::load_with_total_time(args.platform.as_deref(), args.total_time_s, output)?;
     let schedule = study.standard(scheme)?;
-    let text = match format(args) {
-        Format::Json => schedule.to_json(),
-        Format::Csv => schedule.to_csv(),
-    };
+    let text = written(&schedule, args.format, args.output.as_deref());
     let Some(path) = &args.output else {
         return output.data(&text);
     };
@@ -36,14 +36,12 @@ fn write(name: &str, args: &StandardArgs, output: Output) -> Result<()> {
     Ok(())
 }
 
-/// As asked for, else by the extension of the file, else JSON.
-fn format(args: &StandardArgs) -> Format {
-    let extension = args.output.as_ref().and_then(|path| path.extension());
-    match (args.format, extension) {
-        (Some(format), _) => format,
-        (None, Some(extension)) if extension.eq_ignore_ascii_case("csv") && !args.json => {
-            Format::Csv
-        }
-        _ => Format::Json,
+/// The schedule in the format asked for, else by the extension of the file, else as JSON.
+pub(super) fn written(schedule: &Schedule, asked: Option<Format>, file: Option<&Path>) -> String {
+    let extension = file.and_then(Path::extension);
+    let is_csv = extension.is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+    match asked.unwrap_or(if is_csv { Format::Csv } else { Format::Json }) {
+        Format::Json => schedule.to_json(),
+        Format::Csv => schedule.to_csv(),
     }
 }

@@ -150,6 +150,26 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
     render(columns, rows)
 }
 
+/// What the accelerometers read at each position if they are perfect and the platform is level: what
+/// an engineer holds against the stand to see that angles are meant the same way.
+pub(super) fn specific_force(timeline: &Timeline) -> String {
+    let held = timeline.position_legs().iter().enumerate();
+    let rows = held.map(|(i, leg)| {
+        let [x, y, z] = leg
+            .attitude
+            .specific_force_c()
+            .map(|f| format!("{:.5}", f + 0.0));
+        [(i + 1).to_string(), x, y, z]
+    });
+    let columns = [
+        ("#", Right),
+        ("f_x, g", Right),
+        ("f_y, g", Right),
+        ("f_z, g", Right),
+    ];
+    render(columns, rows.collect())
+}
+
 /// How a position is reached, in a few words.
 fn reached_by(platform: &Platform, leg: &Leg) -> String {
     let Some(arrival) = &leg.arrival else {

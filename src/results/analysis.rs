@@ -18,6 +18,7 @@ use crate::observability::nearly::{Nearly, ToldQuantity};
 use crate::observability::solution::{NoSolution, RowsUsed, SeenDuring, Solution, Term};
 use crate::observability::weak::WeakCombination;
 use crate::observability::{Channel, Combination, Order};
+use crate::schedule::Notes;
 use crate::schedule::Schedule;
 use crate::schedule::file::{PositionRecord, ScheduleDocument};
 use crate::suspicion::WarningRecord;
@@ -537,6 +538,7 @@ impl From<&Suggestion> for SuggestionRecord {
                 move_s: None,
                 move_measured: None,
                 change_deg: None,
+                notes: Notes::new(),
             },
             before: s.before,
             after: s.after,

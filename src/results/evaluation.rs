@@ -13,9 +13,11 @@ use crate::covariance::Precision;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
-use crate::evaluate::{Disagreement, Evaluation, MISALIGNMENT_NAMES, Objective, Score};
-use crate::schedule::Schedule;
+use crate::evaluate::{
+    Disagreement, Evaluation, HeldPosition, MISALIGNMENT_NAMES, Objective, Score,
+};
 use crate::schedule::file::ScheduleDocument;
+use crate::schedule::{Schedule, ScheduledPosition};
 use crate::suspicion::WarningRecord;
 
 /// Name and major version of the [`EvaluationDocument`].
@@ -73,6 +75,9 @@ pub struct EvaluationDocument {
     /// Where the two computations differed in 16 digits, before both were repeated in 32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_disagreement: Option<DisagreementRecord>,
+    /// The positions as they are held: when, and what the accelerometers then read.
+    #[serde(default)]
+    pub positions: Vec<HeldPositionRecord>,
     /// The schedule evaluated.
     pub schedule: ScheduleDocument,
     /// The study as resolved.
@@ -82,6 +87,26 @@ pub struct EvaluationDocument {
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<WarningRecord>,
+}
+
+/// A position as it is held in the test.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct HeldPositionRecord {
+    /// Outer angle α, degrees.
+    pub alpha_deg: f64,
+    /// Middle angle β, degrees.
+    pub beta_deg: f64,
+    /// Inner angle γ, degrees.
+    pub gamma_deg: f64,
+    /// How long it is held, s.
+    pub dwell_s: f64,
+    /// When the move to it and its settling are over, from the start of the test, s.
+    pub starts_s: f64,
+    /// What perfect accelerometers along the platform's x, y and z read there, g: the second row of
+    /// C_c^n. One look at them tells whether the stand turns as the angles mean.
+    pub specific_force_g: [f64; 3],
 }
 
 /// The numbers that a covariance was worked out in.
@@ -309,6 +334,7 @@ impl EvaluationDocument {
                 .first_disagreement
                 .as_ref()
                 .map(DisagreementRecord::from),
+            positions: positions(evaluation, schedule),
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
@@ -346,6 +372,23 @@ impl ScoreRecord {
             },
         }
     }
+}
+
+/// The positions of the schedule, held.
+fn positions(evaluation: &Evaluation, schedule: &Schedule) -> Vec<HeldPositionRecord> {
+    let held = evaluation.positions.iter().zip(schedule.positions());
+    let record = |(held, p): (&HeldPosition, &ScheduledPosition)| {
+        let [alpha_deg, beta_deg, gamma_deg] = p.position.to_deg().map(|deg| deg + 0.0);
+        HeldPositionRecord {
+            alpha_deg,
+            beta_deg,
+            gamma_deg,
+            dwell_s: p.dwell_s,
+            starts_s: held.starts_s,
+            specific_force_g: held.specific_force_g.map(|f| f + 0.0),
+        }
+    };
+    held.map(record).collect()
 }
 
 /// The unit of a criterion's value.

@@ -20,19 +20,28 @@
 //! empty cells. Lines that start with `#` and empty lines are
 //! skipped.
 //!
+//! Tables that people have are read too: Excel workbooks (.xlsx), semicolons with decimal commas,
+//! tabs, UTF-16, headings such as "Alpha [°]" or "dwell (min)" in any order after a title or behind a
+//! `#`; what other columns say is kept as notes. A number that may be read in two ways is refused.
+//!
 //! Angles are written rounded to 1e-9°, so that reading a written schedule and writing it again
 //! gives the same file, and reading that gives the same schedule bit for bit. Times are written
 //! exactly.
 
-mod csv;
+mod columns;
+mod decimal;
 mod json;
+mod rows;
+mod table;
+mod workbook;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Schedule, ScheduledPosition, text};
+use super::{Notes, Schedule, ScheduledPosition, text};
 use crate::attitude::Position;
 use crate::error::{Error, Result};
 use crate::units::round_deg;
@@ -59,11 +68,13 @@ const REQUIRED_COLUMNS: usize = 4;
 const SINGLE_COLUMNS: usize = 6;
 /// What JSON calls the way to a position.
 const CHANGE_KEY: &str = "change_deg";
+/// What JSON calls the other columns of a table.
+const NOTES_KEY: &str = "notes";
 
 /// The keys of a position in JSON, in the order they are written.
 fn json_keys() -> impl Iterator<Item = &'static str> {
     let single = COLUMNS.into_iter().take(SINGLE_COLUMNS);
-    single.chain([CHANGE_KEY])
+    single.chain([CHANGE_KEY, NOTES_KEY])
 }
 
 /// A schedule as a JSON document, for use inside other documents.
@@ -102,7 +113,7 @@ fn current_schema() -> String {
 }
 
 /// One position of a schedule file.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -126,6 +137,9 @@ pub struct PositionRecord {
     /// axes, half turns positive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change_deg: Option<[f64; 3]>,
+    /// What else a table says of it: heading and text. Nothing is made of them.
+    #[serde(default, skip_serializing_if = "Notes::is_empty")]
+    pub notes: Notes,
 }
 
 impl From<&ScheduledPosition> for PositionRecord {
@@ -140,6 +154,7 @@ impl From<&ScheduledPosition> for PositionRecord {
             move_s: p.move_s,
             move_measured: p.move_measured,
             change_deg: p.change_deg.map(|c| c.map(|deg| round_deg(deg) + 0.0)),
+            notes: Notes::new(),
         }
     }
 }
@@ -161,7 +176,7 @@ impl From<&Schedule> for ScheduleDocument {
         Self {
             schema: current_schema(),
             tool_version: None,
-            positions: schedule.positions().iter().map(Into::into).collect(),
+            positions: records(schedule).collect(),
         }
     }
 }
@@ -174,8 +189,19 @@ impl TryFrom<&ScheduleDocument> for Schedule {
     /// [`Error::is_input`] for another schema, and as [`Schedule::new`].
     fn try_from(document: &ScheduleDocument) -> Result<Self> {
         check_schema(&document.schema)?;
-        Self::new(document.positions.iter().map(Into::into).collect())
+        let positions = document.positions.iter();
+        let schedule = Self::new(positions.clone().map(Into::into).collect())?;
+        Ok(schedule.with_notes(positions.map(|p| p.notes.clone()).collect()))
     }
+}
+
+/// The positions of a schedule with their notes.
+fn records(schedule: &Schedule) -> impl Iterator<Item = PositionRecord> {
+    let positions = schedule.positions().iter().enumerate();
+    positions.map(|(i, p)| PositionRecord {
+        notes: schedule.notes(i).clone(),
+        ..p.into()
+    })
 }
 
 /// Refuses a document that is not a schedule of this version.
@@ -219,24 +245,42 @@ pub(crate) type Check<'a, T> = &'a dyn Fn(&Schedule) -> Result<T>;
 ///
 /// As [`read`], and what `check` returns.
 pub(crate) fn read_and<T>(path: &Path, check: Check<'_, T>) -> Result<(Schedule, T)> {
-    let text = text::read_text(path, text::MAX_SCHEDULE_BYTES)?;
-    let extension = path.extension().and_then(|e| e.to_str());
-    let is_json = match extension.map(str::to_ascii_lowercase).as_deref() {
-        Some("json") => true,
-        Some("csv") => false,
-        _ => text.trim_start().starts_with('{'),
-    };
-    let text = text::without_bom(&text);
-    let read = if is_json {
-        json::parse_and(text, check)
-    } else {
-        csv::parse_and(text, check)
-    };
-    read.map_err(|e| match e.line() {
+    let bytes = text::read_bytes(path, text::MAX_SCHEDULE_BYTES)?;
+    let located = |e: Error| match e.line() {
         Some(_) => e.with_file(path),
         None => e,
-    })
+    };
+    if workbook::is_workbook(&bytes) {
+        let table = workbook::table(&bytes).map_err(|e| e.with_file(path))?;
+        return rows::of_table(&table, check).map_err(located);
+    }
+    if bytes.starts_with(OLE_MAGIC) {
+        return Err(
+            Error::input("a workbook of an old kind, or one with a password")
+                .with_file(path)
+                .with_hint("save it as .xlsx without a password, or as CSV"),
+        );
+    }
+    let extension = path.extension().and_then(|e| e.to_str());
+    let extension = extension.map(str::to_ascii_lowercase);
+    let is_table = matches!(extension.as_deref(), Some("csv" | "txt" | "tsv"));
+    let text = match is_table {
+        true => text::decode_table(&bytes),
+        false => text::decode(bytes).map_err(|e| e.with_file(path))?,
+    };
+    let is_json = match extension.as_deref() {
+        Some("json") => true,
+        _ => !is_table && text.trim_start().starts_with('{'),
+    };
+    let read = match is_json {
+        true => json::parse_and(&text, check),
+        false => rows::parse_and(&text, check),
+    };
+    read.map_err(located)
 }
+
+/// How .xls files begin, and workbooks with a password.
+const OLE_MAGIC: &[u8] = b"\xd0\xcf\x11\xe0";
 
 /// A schedule and what `check` makes of it.
 fn checked<T>(schedule: Result<Schedule>, check: Check<'_, T>) -> Result<(Schedule, T)> {
@@ -283,7 +327,7 @@ pub fn from_json(text: &str) -> Result<Schedule> {
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
 pub fn from_csv(text: &str) -> Result<Schedule> {
-    Ok(csv::parse_and(text::without_bom(text), &|_| Ok(()))?.0)
+    Ok(rows::parse_and(text::without_bom(text), &|_| Ok(()))?.0)
 }
 
 /// The schedule as a JSON document, one position a line.
@@ -294,15 +338,15 @@ pub fn to_json(schedule: &Schedule) -> String {
         "{{\n  \"schema\": \"{SCHEMA}\",\n  \"tool_version\": \"{}\",\n  \"positions\": [\n",
         env!("CARGO_PKG_VERSION")
     );
-    for (i, p) in schedule.positions().iter().enumerate() {
+    for (i, record) in records(schedule).enumerate() {
         let separator = if i == 0 { "" } else { ",\n" };
-        let [cells @ .., alpha, beta, gamma] = cells(&p.into());
+        let [cells @ .., alpha, beta, gamma] = cells(&record);
         let change = match alpha.is_empty() {
             true => String::new(),
             false => format!("[{alpha}, {beta}, {gamma}]"),
         };
         let fields = json_keys()
-            .zip(cells.into_iter().chain([change]))
+            .zip(cells.into_iter().chain([change, notes(&record.notes)]))
             .filter(|(_, cell)| !cell.is_empty());
         let fields: Vec<_> = fields.map(|(c, cell)| format!("\"{c}\": {cell}")).collect();
         let _ = write!(out, "{separator}    {{{}}}", fields.join(", "));
@@ -311,23 +355,47 @@ pub fn to_json(schedule: &Schedule) -> String {
     out
 }
 
-/// The schedule as CSV; the optional columns only where some position has them.
-pub fn to_csv(schedule: &Schedule) -> String {
-    let rows: Vec<_> = schedule
-        .positions()
-        .iter()
-        .map(|p| cells(&p.into()))
+/// Notes as a JSON object; empty where there are none.
+fn notes(notes: &Notes) -> String {
+    let quoted = |text: &String| serde_json::Value::from(text.as_str()).to_string();
+    let entries = notes.iter();
+    let entries: Vec<String> = entries
+        .map(|(name, text)| format!("{}: {}", quoted(name), quoted(text)))
         .collect();
+    match entries.is_empty() {
+        true => String::new(),
+        false => format!("{{{}}}", entries.join(", ")),
+    }
+}
+
+/// The schedule as CSV; the optional columns only where some position has them, notes last.
+pub fn to_csv(schedule: &Schedule) -> String {
+    let records: Vec<PositionRecord> = records(schedule).collect();
+    let rows: Vec<_> = records.iter().map(cells).collect();
     let used: Vec<usize> = (0..COLUMNS.len())
         .filter(|&i| rows.iter().any(|row| !row[i].is_empty()))
         .collect();
-    let line = |row: &[String; COLUMNS.len()]| {
-        let cells: Vec<&str> = used.iter().map(|&i| row[i].as_str()).collect();
-        cells.join(",") + "\n"
-    };
-    let mut out = line(&COLUMNS.map(String::from));
-    out.extend(rows.iter().map(line));
-    out
+    let all_notes = records.iter().flat_map(|r| r.notes.keys());
+    let named: BTreeSet<&String> = all_notes.collect();
+    let header = used.iter().map(|&i| COLUMNS[i]);
+    let mut lines = vec![header.chain(named.iter().map(|n| n.as_str())).collect()];
+    for (row, record) in rows.iter().zip(&records) {
+        let of = |name: &&String| record.notes.get(*name).map_or("", String::as_str);
+        let cells = used.iter().map(|&i| row[i].as_str());
+        lines.push(cells.chain(named.iter().map(of)).collect());
+    }
+    delimited(&lines)
+}
+
+/// Lines of CSV, with quotes where a text needs them.
+fn delimited(lines: &[Vec<&str>]) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for line in lines {
+        // Memory takes whatever is written, and all lines are equally long.
+        let _ = writer.write_record(line);
+    }
+    let bytes = writer.into_inner().unwrap_or_default();
+    String::from_utf8(bytes).unwrap_or_default()
 }
 
 /// The values of a position as text, in the order of [`COLUMNS`]; empty: not given.

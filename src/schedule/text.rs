@@ -22,6 +22,15 @@ pub(crate) const MAX_SCHEDULE_BYTES: u64 = 8 << 20;
 /// is not a regular file (or a link to one), a file larger than `most_bytes` (of which no more
 /// than that is read), and text that is not UTF-8.
 pub(crate) fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
+    decode(read_bytes(path, most_bytes)?).map_err(|e| e.with_file(path))
+}
+
+/// The content of a file of at most `most_bytes`.
+///
+/// # Errors
+///
+/// As [`read_text`], whatever the bytes mean.
+pub(crate) fn read_bytes(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     let cannot_read = |e: std::io::Error| Error::io("read the file", path, e);
     // Asked before opening: to open a pipe nobody writes to would wait for ever.
     let metadata = std::fs::metadata(path).map_err(cannot_read)?;
@@ -50,10 +59,21 @@ pub(crate) fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
     if bytes.len() as u64 > most_bytes {
         return Err(too_large());
     }
-    decode(bytes).map_err(|e| e.with_file(path))
+    Ok(bytes)
 }
 
-fn decode(bytes: Vec<u8>) -> Result<String> {
+/// The text of a table, as spreadsheets write them: UTF-8, UTF-16, or what Windows had before.
+pub(crate) fn decode_table(bytes: &[u8]) -> String {
+    // A byte order mark decides.
+    let (text, used, wrong) = encoding_rs::UTF_8.decode(bytes);
+    match used == encoding_rs::UTF_8 && wrong {
+        true => encoding_rs::WINDOWS_1252.decode(bytes).0.into_owned(),
+        false => text.into_owned(),
+    }
+}
+
+/// The text of UTF-8 without a byte order mark.
+pub(crate) fn decode(bytes: Vec<u8>) -> Result<String> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(Error::input("the file is in UTF-16").with_hint("save it as UTF-8"));
     }
@@ -120,9 +140,62 @@ pub(crate) fn with_nearest<'a>(
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Error {
     match nearest(name, candidates) {
+        // The same quantity in another unit: a number that is only renamed would be wrong.
+        Some(near) if other_unit(name, near) => error.with_hint(format!(
+            "there is `{near}`, in another unit: convert the value"
+        )),
         Some(near) => error.with_hint(format!("did you mean `{near}`?")),
         None => error,
     }
+}
+
+/// The units that keys end with, those that end with another of them first.
+const UNITS: [&str; 30] = [
+    "deg_per_h_per_sqrt_h",
+    "deg_per_sqrt_h",
+    "deg_per_h_per_g2",
+    "deg_per_h_per_g",
+    "arcsec_per_h",
+    "deg_per_h",
+    "deg_per_s2",
+    "deg_per_s",
+    "rad_per_s",
+    "ug_per_sqrt_hz",
+    "ug_per_sqrt_h",
+    "ug_per_g2",
+    "ug_per_g3",
+    "arcsec",
+    "arcmin",
+    "mrad",
+    "urad",
+    "deg",
+    "rad",
+    "ppm",
+    "percent",
+    "min",
+    "hz",
+    "ms",
+    "us",
+    "mg",
+    "ug",
+    "s",
+    "h",
+    "g",
+];
+
+/// What a key says its number is in.
+fn unit_of(key: &str) -> Option<&'static str> {
+    let key = key.trim().to_lowercase().replace(['-', ' '], "_");
+    let ends = |unit: &&&str| {
+        let rest = key.strip_suffix(**unit);
+        rest.is_some_and(|rest| rest.ends_with('_'))
+    };
+    UNITS.iter().find(ends).copied()
+}
+
+/// Whether two keys are of different units.
+fn other_unit(a: &str, b: &str) -> bool {
+    matches!((unit_of(a), unit_of(b)), (Some(a), Some(b)) if a != b)
 }
 
 /// A value from a file, short enough to be shown in a message, and without control characters,
@@ -156,6 +229,34 @@ mod tests {
             ("", None),
         ] {
             assert_eq!(nearest(typed, names), meant, "{typed}");
+        }
+    }
+
+    /// A key that is renamed keeps its number.
+    #[test]
+    fn a_hint_never_makes_another_unit_of_a_number() {
+        let names = [
+            "latitude_deg",
+            "noise_g",
+            "period_s",
+            "random_drift_deg_per_h",
+        ];
+        for (typed, says) in [
+            ("latitude", "did you mean `latitude_deg`?"),
+            (
+                "latitude_rad",
+                "there is `latitude_deg`, in another unit: convert the value",
+            ),
+            ("noise_ug", "there is `noise_g`, in another unit"),
+            ("period_min", "there is `period_s`, in another unit"),
+            ("periods_s", "did you mean `period_s`?"),
+            (
+                "random_drift_deg_per_s",
+                "there is `random_drift_deg_per_h`, in another unit",
+            ),
+        ] {
+            let error = with_nearest(Error::input("unknown key"), typed, names);
+            assert!(error.to_string().contains(says), "{typed}: {error}");
         }
     }
 

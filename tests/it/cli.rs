@@ -14,6 +14,7 @@ mod refusals;
 mod resume;
 mod schemas;
 mod specifications;
+mod tables;
 mod verdicts;
 mod warnings;
 

@@ -8,11 +8,11 @@ use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::{
-    CHANGE_KEY, COLUMNS, Check, PositionRecord, REQUIRED_COLUMNS, check_schema, checked, json_keys,
-    position_key,
+    CHANGE_KEY, COLUMNS, Check, NOTES_KEY, PositionRecord, REQUIRED_COLUMNS, check_schema, checked,
+    json_keys, position_key,
 };
 use crate::error::{Error, Result};
-use crate::schedule::{MAX_POSITIONS, Schedule, text};
+use crate::schedule::{MAX_POSITIONS, Notes, Schedule, text};
 
 const TOP_KEYS: [&str; 3] = ["schema", "tool_version", "positions"];
 
@@ -34,6 +34,8 @@ pub(super) fn parse_and<T>(document: &str, check: Check<'_, T>) -> Result<(Sched
         records.push(position(document, i, item)?);
     }
     let schedule = Schedule::new(records.iter().map(Into::into).collect());
+    let notes = records.into_iter().map(|r| r.notes).collect();
+    let schedule = schedule.map(|s| s.with_notes(notes));
     checked(schedule, check).map_err(|e| located(document, positions, &items, e))
 }
 
@@ -54,6 +56,7 @@ fn position(document: &str, index: usize, item: &RawValue) -> Result<PositionRec
         move_s: record.number("move_s")?,
         move_measured: record.boolean("move_measured")?,
         change_deg: record.numbers(CHANGE_KEY)?,
+        notes: record.notes()?,
     })
 }
 
@@ -230,6 +233,15 @@ impl<'a> Record<'a> {
             Some(raw) => serde_json::from_str(raw)
                 .map(Some)
                 .map_err(|_| self.wrong_type(name, raw, "three numbers, [0.0, -270.0, 90.0]")),
+        }
+    }
+
+    /// The notes; none when the key is absent.
+    fn notes(&self) -> Result<Notes> {
+        match self.get(NOTES_KEY).map(RawValue::get) {
+            None | Some("null") => Ok(Notes::new()),
+            Some(raw) => serde_json::from_str(raw)
+                .map_err(|_| self.wrong_type(NOTES_KEY, raw, "texts by name, {\"remark\": \"…\"}")),
         }
     }
 

@@ -85,13 +85,35 @@ fn what_spreadsheets_and_editors_write_is_read_or_explained() {
         assert_eq!(found, expected, "{content:?}");
     }
     let semicolons = super::SCHEDULE.replace(',', ";");
+    let utf16 = |text: &str| -> Vec<u8> {
+        let units = text.encode_utf16().flat_map(u16::to_le_bytes);
+        [0xff, 0xfe].into_iter().chain(units).collect()
+    };
+    // As Excel exports it in countries that write decimal commas, and what Windows wrote before.
+    let german = format!("sep=;\r\n{}", semicolons.replace('.', ","));
+    let titled = format!("Pr\u{fc}fplan;;\n{semicolons}");
+    let windows: Vec<u8> = titled.chars().map(|c| u8::try_from(c).unwrap()).collect();
+    for content in [
+        semicolons.clone().into_bytes(),
+        utf16(&super::SCHEDULE.replace(',', "\t")),
+        utf16(&format!("{titled}\n")),
+        windows,
+        german.into_bytes(),
+        format!("# {}", super::SCHEDULE).into_bytes(),
+    ] {
+        desk.write("s.csv", &content);
+        let found = desk.done(&["evaluate", "-s", "s.csv", "--json"]);
+        assert_eq!(found, expected, "{:?}", String::from_utf8_lossy(&content));
+    }
     let head = "alpha_deg,beta_deg,gamma_deg,dwell_s\n";
     for (content, parts) in [
-        (semicolons.clone(), &["s.csv:1", "commas"][..]),
-        (format!("sep=;\n{semicolons}"), &["s.csv:1", "commas"]),
         (
             format!("{head}0,0,0,600,5\n"),
-            &["s.csv:2", "positions[0]", "point"],
+            &["s.csv:2", "positions[0]", "point"][..],
+        ),
+        (
+            format!("{}1.200;0;0;600\n1,5;0;0;600\n", head.replace(',', ";")),
+            &["s.csv:2", "positions[0].alpha_deg", "1.200 or 1200"],
         ),
         (
             format!("{head}0,0,0,6\00\n"),

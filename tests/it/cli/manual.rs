@@ -2,7 +2,7 @@
 
 use super::{Desk, names};
 
-const COMMANDS: [&str; 13] = [
+const COMMANDS: [&str; 14] = [
     "search",
     "evaluate",
     "analyze",
@@ -12,6 +12,7 @@ const COMMANDS: [&str; 13] = [
     "init",
     "standard",
     "commands",
+    "convert",
     "report",
     "schema",
     "completions",

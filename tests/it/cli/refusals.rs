@@ -122,7 +122,7 @@ fn bad_schedules_are_refused_by_line_key_and_value() {
         (
             "bad.csv",
             "alpha_deg,beta_deg,gamma_deg,dwell\n0,0,0,1\n".to_owned(),
-            &["bad.csv:1", "dwell", "did you mean `dwell_s`?"],
+            &["bad.csv:1", "dwell", "does not say its unit", "dwell_s"],
         ),
         (
             "bad.json",
@@ -232,7 +232,7 @@ fn unreadable_files_are_refused() {
     desk.run(&["search", "latin.toml"])
         .refused(&["latin.toml:2", "UTF-8"]);
     desk.run(&["evaluate", "-s", "latin.csv"])
-        .refused(&["latin.csv:1", "UTF-8"]);
+        .refused(&["latin.csv:1", "names the columns"]);
     desk.run(&["search", "none.toml"])
         .refused(&["none.toml", "cannot read the file"]);
     desk.run(&["evaluate", "-s", "none.csv"])

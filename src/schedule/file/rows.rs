@@ -1,46 +1,42 @@
-//! Reading the CSV form: numbers and truth values only, so that a line is always a row and no
-//! cell holds a comma.
+//! A schedule from a table: which column is what, row by row.
 
+use super::columns::{Column, column_of, misspelt};
+use super::decimal::{Decimals, number};
+use super::table::{Cell, Row, Table};
 use super::{
     CHANGE_KEY, COLUMNS, Check, PositionRecord, REQUIRED_COLUMNS, SINGLE_COLUMNS, checked,
     position_key,
 };
 use crate::error::{Error, Result};
-use crate::schedule::{MAX_POSITIONS, Schedule, text};
+use crate::schedule::{MAX_POSITIONS, Notes, Schedule, text};
 
 /// A schedule from CSV text, and what `check` makes of it; what that refuses gets its line too.
 pub(super) fn parse_and<T>(document: &str, check: Check<'_, T>) -> Result<(Schedule, T)> {
-    // Files of some spreadsheets end their lines with a carriage return alone.
-    let end = if document.contains('\n') { '\n' } else { '\r' };
-    let mut rows = document
-        .split(end)
-        .enumerate()
-        .map(|(i, line)| Row::new(i + 1, line))
-        .filter(|row| !row.is_blank());
-    let Some(header) = rows.next() else {
-        return Err(Error::input("the file holds no schedule")
-            .with_line(1)
-            .with_allowed(format!("a header line {}", COLUMNS.join(","))));
-    };
-    let header = Header::new(&header)?;
-    let mut kept = Vec::new();
+    of_table(&Table::of_text(document)?, check)
+}
+
+/// A schedule from a table, and what `check` makes of it.
+pub(super) fn of_table<T>(table: &Table, check: Check<'_, T>) -> Result<(Schedule, T)> {
+    let header = Header::new(table)?;
     let mut records = Vec::new();
-    for row in rows {
+    let mut notes = Vec::new();
+    for row in &table.rows {
         if records.len() == MAX_POSITIONS {
             return Err(Error::input("too many positions")
                 .with_key("positions")
                 .with_line(row.line)
                 .with_allowed(format!("1 to {MAX_POSITIONS} positions")));
         }
-        records.push(header.record(records.len(), &row)?);
-        kept.push(row);
+        records.push(header.record(records.len(), row)?);
+        notes.push(header.notes(row));
     }
     let schedule = Schedule::new(records.iter().map(Into::into).collect());
-    checked(schedule, check).map_err(|e| located(&header, &kept, e))
+    let schedule = schedule.map(|s| s.with_notes(notes));
+    checked(schedule, check).map_err(|e| located(&header, &table.rows, e))
 }
 
 /// Adds the line, and the value as it is written, to an error about a position.
-fn located(header: &Header, rows: &[Row<'_>], error: Error) -> Error {
+fn located(header: &Header, rows: &[Row], error: Error) -> Error {
     let Some((index, field)) = error.key().and_then(position_key) else {
         return match error.key() {
             Some("positions") => error.with_line(header.line),
@@ -52,13 +48,13 @@ fn located(header: &Header, rows: &[Row<'_>], error: Error) -> Error {
     };
     let cells = match field {
         Some(CHANGE_KEY) => (SINGLE_COLUMNS..COLUMNS.len())
-            .map(|column| header.cell(row, column).unwrap_or_default())
+            .map(|column| header.cell(row, column).map_or("", |c| &c.text))
             .collect::<Vec<_>>()
             .join(","),
         _ => {
             let column = COLUMNS.iter().position(|c| Some(*c) == field);
             let cell = column.and_then(|column| header.cell(row, column));
-            cell.unwrap_or_default().to_owned()
+            cell.map_or("", |c| &c.text).to_owned()
         }
     };
     let is_change = field == Some(CHANGE_KEY);
@@ -76,116 +72,145 @@ fn located(header: &Header, rows: &[Row<'_>], error: Error) -> Error {
     }
 }
 
-/// One line, cut at its commas.
-struct Row<'a> {
-    line: usize,
-    cells: Vec<&'a str>,
-}
+/// How a table is written that leaves no doubt.
+const EXPORT: &str = "save the table as .xlsx, or as CSV with decimal points and commas between the cells, or with \
+     decimal commas and semicolons";
 
-impl<'a> Row<'a> {
-    fn new(line: usize, content: &'a str) -> Self {
-        let content = content.trim();
-        let cells = if content.starts_with('#') {
-            Vec::new()
-        } else {
-            content.split(',').map(unquoted).collect()
-        };
-        Self { line, cells }
-    }
-
-    /// True for comments, empty lines and the rows of nothing but commas that spreadsheets add.
-    fn is_blank(&self) -> bool {
-        self.cells.iter().all(|cell| cell.is_empty())
-    }
-}
-
-/// A cell without the blanks and the quotes around it.
-fn unquoted(cell: &str) -> &str {
-    let cell = cell.trim();
-    let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
-    inner.map_or(cell, str::trim)
-}
-
-const DECIMAL_POINT: &str = "separate the columns by commas and write decimals with a point, 12.5";
-
-/// The header line: where in a row each of [`COLUMNS`] is found.
+/// Where in a row each of [`COLUMNS`] is found, and in what unit.
 struct Header {
     line: usize,
-    /// Cells up to the last that has a name. Some programs write commas after it, under which a
+    /// Cells up to the last that has a name. Some programs write separators after it, under which a
     /// row must not hold anything: it would be the end of a row with decimal commas.
     width: usize,
-    place: [Option<usize>; COLUMNS.len()],
+    place: [Option<(usize, f64)>; COLUMNS.len()],
+    /// Other columns, kept as notes.
+    others: Vec<(usize, String)>,
+    decimals: Decimals,
 }
 
 impl Header {
-    fn new(row: &Row<'_>) -> Result<Self> {
+    fn new(table: &Table) -> Result<Self> {
+        let row = &table.header;
         let last = row.cells.iter().rposition(|name| !name.is_empty());
         let mut header = Self {
             line: row.line,
             width: last.map_or(0, |i| i + 1),
             place: [None; COLUMNS.len()],
+            others: Vec::new(),
+            decimals: Decimals::Point,
         };
         for (i, name) in row.cells.iter().enumerate().take(header.width) {
-            if name.contains([';', '\t', '|']) {
-                return Err(Error::input("the columns are not separated by commas")
-                    .with_line(row.line)
-                    .with_value(text::shown(name))
-                    .with_hint(DECIMAL_POINT));
-            }
-            match COLUMNS.iter().position(|column| column == name) {
-                Some(column) if header.place[column].is_none() => header.place[column] = Some(i),
-                Some(_) => {
-                    return Err(Error::input("the column is there twice")
-                        .with_key(*name)
-                        .with_line(row.line));
-                }
-                None if name.is_empty() => {
-                    return Err(Error::input("a column without a name")
-                        .with_key(format!("column {}", i + 1))
-                        .with_line(row.line));
-                }
-                None => return Err(unknown_column(row.line, name)),
-            }
+            header.add(i, &name.text)?;
         }
-        for (column, place) in header.place.iter().enumerate().take(REQUIRED_COLUMNS) {
-            if place.is_none() {
-                return Err(Error::input("missing column")
-                    .with_key(COLUMNS[column])
-                    .with_line(row.line)
-                    .with_allowed(format!("a header line {}", COLUMNS.join(","))));
-            }
-        }
+        header.check_complete(row)?;
+        let columns = || 0..COLUMNS.len();
+        let rows = table.rows.iter();
+        let numbers = rows.flat_map(|row| columns().filter_map(|c| header.cell(row, c)));
+        header.decimals = Decimals::of(table, numbers);
         Ok(header)
     }
 
+    /// Takes the column number `i` of that name.
+    fn add(&mut self, i: usize, name: &str) -> Result<()> {
+        let refuse = |what: &str| {
+            Error::input(what)
+                .with_key(text::shown(name))
+                .with_line(self.line)
+        };
+        match column_of(name) {
+            Column::Known { index, .. } if self.place[index].is_some() => {
+                Err(refuse("the column is there twice"))
+            }
+            Column::Known { index, factor } => {
+                self.place[index] = Some((i, factor));
+                Ok(())
+            }
+            Column::WithoutUnit { index } => {
+                let error = refuse("the column does not say its unit");
+                Err(error.with_allowed(match COLUMNS[index].ends_with("_deg") {
+                    true => format!("{}, or the same in rad or arcmin", COLUMNS[index]),
+                    false => format!("{}, or the same in min or h", COLUMNS[index]),
+                }))
+            }
+            Column::Other if name.is_empty() => Err(Error::input("a column without a name")
+                .with_key(format!("column {}", i + 1))
+                .with_line(self.line)),
+            Column::Other => match misspelt(name) {
+                Some(meant) => Err(refuse("unknown column")
+                    .with_allowed(COLUMNS.join(", "))
+                    .with_hint(format!("did you mean `{meant}`?"))),
+                None => {
+                    self.others.push((i, name.to_owned()));
+                    Ok(())
+                }
+            },
+        }
+    }
+
+    /// Whether every position has what it needs.
+    fn check_complete(&self, row: &Row) -> Result<()> {
+        let absent = (0..REQUIRED_COLUMNS).find(|&column| self.place[column].is_none());
+        let Some(column) = absent else {
+            return Ok(());
+        };
+        let names: Vec<&str> = row.cells.iter().map(|c| c.text.as_str()).collect();
+        Err(Error::input("missing column")
+            .with_key(COLUMNS[column])
+            .with_line(self.line)
+            .with_value(text::shown(&names.join(", ")))
+            .with_allowed(format!(
+                "the columns {}",
+                COLUMNS[..REQUIRED_COLUMNS].join(", ")
+            )))
+    }
+
     /// The cell of a row under one of [`COLUMNS`]; `None` when absent or empty.
-    fn cell<'a>(&self, row: &Row<'a>, column: usize) -> Option<&'a str> {
-        let cell = row.cells.get(self.place[column]?)?;
-        (!cell.is_empty()).then_some(*cell)
+    fn cell<'a>(&self, row: &'a Row, column: usize) -> Option<&'a Cell> {
+        let cell = row.cells.get(self.place[column]?.0)?;
+        (!cell.is_empty()).then_some(cell)
+    }
+
+    /// What else the row says.
+    fn notes(&self, row: &Row) -> Notes {
+        let mut notes = Notes::new();
+        for (i, name) in &self.others {
+            if let Some(cell) = row.cells.get(*i).filter(|c| !c.is_empty()) {
+                notes
+                    .entry(name.clone())
+                    .or_insert_with(|| cell.text.clone());
+            }
+        }
+        notes
+    }
+
+    /// The number of a row under one of [`COLUMNS`], in the unit of that.
+    fn number(&self, index: usize, row: &Row, column: usize) -> Result<Option<f64>> {
+        let Some((cell, (_, factor))) = self.cell(row, column).zip(self.place[column]) else {
+            return Ok(None);
+        };
+        let value = number(cell, self.decimals).map_err(|e| {
+            let separated = cell.text.contains([';', '\t', '"']);
+            let e = if separated { e.with_hint(EXPORT) } else { e };
+            failed(index, row, column, e)
+        })?;
+        // Without a factor to the bit.
+        Ok(Some(if factor == 1.0 { value } else { value * factor }))
     }
 
     /// The position that a row describes.
-    fn record(&self, index: usize, row: &Row<'_>) -> Result<PositionRecord> {
+    fn record(&self, index: usize, row: &Row) -> Result<PositionRecord> {
         if row.cells.iter().skip(self.width).any(|c| !c.is_empty()) {
             return Err(Error::input("the line has more cells than the header")
                 .with_key(format!("positions[{index}]"))
                 .with_line(row.line)
                 .with_value(format!("{} cells", row.cells.len()))
                 .with_allowed(format!("{} cells", self.width))
-                .with_hint(DECIMAL_POINT));
+                .with_hint(EXPORT));
         }
-        let fail = |column: usize, error: Error| {
-            error
-                .with_key(format!("positions[{index}].{}", COLUMNS[column]))
-                .with_line(row.line)
-        };
-        let optional = |column: usize| match self.cell(row, column) {
-            None => Ok(None),
-            Some(cell) => number(cell).map(Some).map_err(|e| fail(column, e)),
-        };
+        let optional = |column: usize| self.number(index, row, column);
         let required = |column: usize| {
-            optional(column)?
-                .ok_or_else(|| fail(column, Error::input("missing").with_allowed("a number")))
+            let missing = || Error::input("missing").with_allowed("a number");
+            optional(column)?.ok_or_else(|| failed(index, row, column, missing()))
         };
         Ok(PositionRecord {
             alpha_deg: required(0)?,
@@ -195,7 +220,10 @@ impl Header {
             move_s: optional(4)?,
             move_measured: match self.cell(row, 5) {
                 None => None,
-                Some(cell) => Some(truth_value(cell).map_err(|e| fail(5, e))?),
+                Some(cell) => {
+                    let value = truth_value(&cell.text);
+                    Some(value.map_err(|e| failed(index, row, 5, e))?)
+                }
             },
             change_deg: match [optional(6)?, optional(7)?, optional(8)?] {
                 [Some(alpha), Some(beta), Some(gamma)] => Some([alpha, beta, gamma]),
@@ -204,43 +232,25 @@ impl Header {
                     let absent = some.iter().position(Option::is_none).unwrap_or_default();
                     let error = Error::input("missing beside the other changes");
                     let error = error.with_allowed("a number, or all three left empty");
-                    return Err(fail(SINGLE_COLUMNS + absent, error));
+                    return Err(failed(index, row, SINGLE_COLUMNS + absent, error));
                 }
             },
+            notes: Notes::new(),
         })
     }
 }
 
-fn unknown_column(line: usize, name: &str) -> Error {
-    let error = Error::input("unknown column")
-        .with_key(text::shown(name))
-        .with_line(line)
-        .with_allowed(COLUMNS.join(", "));
-    if name.parse::<f64>().is_ok() {
-        return error.with_hint("the first line must name the columns");
-    }
-    text::with_nearest(error, name, COLUMNS)
-}
-
-/// A number; NaN and infinity are left to the range checks of [`Schedule::new`].
-fn number(cell: &str) -> Result<f64> {
-    cell.parse().map_err(|e: std::num::ParseFloatError| {
-        let error = Error::input("not a number")
-            .with_value(text::shown(cell))
-            .with_allowed("a number")
-            .with_source(e);
-        if cell.contains([';', '"']) {
-            error.with_hint(DECIMAL_POINT)
-        } else {
-            error
-        }
-    })
+/// Says where an error about a cell is.
+fn failed(index: usize, row: &Row, column: usize, error: Error) -> Error {
+    error
+        .with_key(format!("positions[{index}].{}", COLUMNS[column]))
+        .with_line(row.line)
 }
 
 fn truth_value(cell: &str) -> Result<bool> {
     match cell.to_ascii_lowercase().as_str() {
-        "true" => Ok(true),
-        "false" => Ok(false),
+        "true" | "yes" => Ok(true),
+        "false" | "no" => Ok(false),
         _ => Err(Error::input("not a truth value")
             .with_value(text::shown(cell))
             .with_allowed("true or false, or empty: as the platform has it")),
@@ -284,6 +294,13 @@ mod tests {
             "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured\n1,2,3,4,,\n-5,6,7.5,8\n",
             "alpha_deg,beta_deg,gamma_deg,dwell_s,\n1,2,3,4,\n-5,6,7.5,8,\n",
             "alpha_deg,beta_deg,gamma_deg,dwell_s,,,\n1,2,3,4,,,\n-5,6,7.5,8,,,\n",
+            "alpha_deg;beta_deg;gamma_deg;dwell_s\n1;2;3;4\n-5;6;7,5;8\n",
+            "sep=;\nalpha_deg;beta_deg;gamma_deg;dwell_s\n1,0;2,0;3,0;4\n-5;6;7,5;8\n",
+            "alpha_deg\tbeta_deg\tgamma_deg\tdwell_s\n1\t2\t3\t4\n-5\t6\t7.5\t8\n",
+            "alpha_deg|beta_deg|gamma_deg|dwell_s\n1|2|3|4\n-5|6|7.5|8\n",
+            "# alpha_deg, beta_deg, gamma_deg, dwell_s\n1,2,3,4\n-5,6,7.5,8\n",
+            "Plan of May\n;;;\nα [°];β [°];γ [°];Dwell (s)\n1°;2;3;4\n\u{2212}5;6;7,5;8\n",
+            "alpha_deg,beta_deg,gamma_deg,dwell_s\n1,2,3,4\n-5,6,\"7,5\",8\n",
         ] {
             assert_eq!(parse(text).unwrap(), plain, "{text}");
         }
@@ -302,6 +319,40 @@ mod tests {
     }
 
     #[test]
+    fn other_units_are_turned_into_ours() {
+        let text = "alpha [rad];beta_arcmin;gamma_deg;dwell [min];move_h\n0,5;90;3;10;0,5\n";
+        let schedule = parse(text).unwrap();
+        let p = schedule.positions()[0];
+        let deg = p.position.to_deg();
+        assert!((deg[0] - 0.5_f64.to_degrees()).abs() < 1e-9 && (deg[1] - 1.5).abs() < 1e-12);
+        assert_eq!((p.dwell_s, p.move_s), (600.0, Some(1800.0)));
+    }
+
+    #[test]
+    fn other_columns_are_kept_as_notes() {
+        let text = "No;alpha_deg;beta_deg;gamma_deg;dwell_s;Remark\n\
+                    1;0;0;0;600;\"warm up; then wait\"\n2;90;0;0;600;\n";
+        let schedule = parse(text).unwrap();
+        let remark = schedule.notes(0).get("Remark").map(String::as_str);
+        assert_eq!(remark, Some("warm up; then wait"));
+        assert_eq!(schedule.notes(1).keys().collect::<Vec<_>>(), ["No"]);
+        // They survive both forms of our own.
+        for again in [
+            super::super::from_csv(&schedule.to_csv()),
+            super::super::from_json(&schedule.to_json()),
+        ] {
+            assert_eq!(again.unwrap(), schedule);
+        }
+    }
+
+    #[test]
+    fn a_quote_that_stays_open_is_no_end_of_the_file() {
+        let text = "alpha_deg,beta_deg,gamma_deg,dwell_s,remark\n0,0,0,1,\"5 in\n1,0,0,1,\n";
+        let schedule = parse(text).unwrap();
+        assert_eq!(schedule.positions().len(), 2);
+    }
+
+    #[test]
     fn bad_rows_are_refused_with_line_key_and_value() {
         for (row, key, value, says) in [
             ("0,0,0,x", "dwell_s", Some("x"), "a number"),
@@ -315,9 +366,9 @@ mod tests {
             ("0,0,0", "dwell_s", None, "missing"),
             ("0,0,0,1,-2", "move_s", Some("-2"), "0 to 1e7"),
             (
-                "0,0,0,1,,yes",
+                "0,0,0,1,,perhaps",
                 "move_measured",
-                Some("yes"),
+                Some("perhaps"),
                 "true or false",
             ),
             (
@@ -338,8 +389,13 @@ mod tests {
                 Some("1,inf,2"),
                 "-36000 to 36000",
             ),
-            ("\"0,0\",0,0,1", "alpha_deg", Some("\"0"), "with a point"),
-            ("0;0,0,0,1", "alpha_deg", Some("0;0"), "with a point"),
+            (
+                "\"1,200\",0,0,1",
+                "alpha_deg",
+                Some("1,200"),
+                "write 1.200 or 1200",
+            ),
+            ("0;0,0,0,1", "alpha_deg", Some("0;0"), "decimal points"),
         ] {
             let text = format!(
                 "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured,\
@@ -372,6 +428,11 @@ mod tests {
             (
                 "alpha_deg,beta_deg,gamma_deg,dwell\n",
                 Some("dwell"),
+                "does not say its unit",
+            ),
+            (
+                "alpha_deg,beta_deg,gamma_deg,dwel_s\n",
+                Some("dwel_s"),
                 "did you mean `dwell_s`?",
             ),
             (
@@ -379,27 +440,17 @@ mod tests {
                 Some("dwell_s"),
                 "twice",
             ),
-            ("0,0,0,1\n", Some("0"), "must name the columns"),
-            (
-                "alpha_deg;beta_deg;gamma_deg;dwell_s\n0,5;0;0;1\n",
-                None,
-                "with a point",
-            ),
-            (
-                "alpha_deg\tbeta_deg\tgamma_deg\tdwell_s\n",
-                None,
-                "not separated by commas",
-            ),
+            ("0,0,0,1\n", None, "a line that names the columns"),
             (
                 "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,5,0,0,1\n",
                 Some("positions[0]"),
-                "with a point",
+                "decimal points",
             ),
             // Once read as (0°, 5°, 0°) for 0 s.
             (
                 "alpha_deg,beta_deg,gamma_deg,dwell_s,\n0,5,0,0,1\n",
                 Some("positions[0]"),
-                "with a point",
+                "decimal points",
             ),
             (
                 "alpha_deg,beta_deg,,gamma_deg,dwell_s\n",
