@@ -141,10 +141,9 @@ impl Study {
         // than it. Whole periods leave less than one.
         let taken_s = outcome.evaluation.total_time_s;
         let left_s = objective.total_time_s - taken_s;
+        let period_s = self.checked.test().platform().period_s();
         let total_time_s = match objective.mode {
-            Mode::Accuracy | Mode::Pareto if left_s < self.test().platform().period_s() => {
-                objective.total_time_s
-            }
+            Mode::Accuracy | Mode::Pareto if left_s < period_s => objective.total_time_s,
             Mode::Time | Mode::Accuracy | Mode::Pareto => taken_s,
         };
         let evaluator = &self.evaluator;

@@ -37,7 +37,7 @@ fn plan(sheet: &mut Worksheet) {
 fn workbook(desk: &Desk, name: &str, fill: impl Fn(&mut Workbook)) {
     let mut workbook = Workbook::new();
     fill(&mut workbook);
-    desk.write(name, &workbook.save_to_buffer().unwrap());
+    desk.write(name, workbook.save_to_buffer().unwrap());
 }
 
 #[test]
