@@ -442,6 +442,11 @@ mod tests {
             ),
             ("0,0,0,1\n", None, "a line that names the columns"),
             (
+                "alpha;beta;gamma;dwell\n0;0;0;1\n",
+                Some("alpha"),
+                "does not say its unit",
+            ),
+            (
                 "alpha_deg,beta_deg,gamma_deg,dwell_s\n0,5,0,0,1\n",
                 Some("positions[0]"),
                 "decimal points",

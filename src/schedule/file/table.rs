@@ -68,9 +68,9 @@ impl Row {
         })
     }
 
-    /// How many columns it names.
+    /// How many columns it names, with their unit or without.
     fn names(&self) -> usize {
-        let known = |cell: &&Cell| matches!(column_of(&cell.text), Column::Known { .. });
+        let known = |cell: &&Cell| column_of(&cell.text) != Column::Other;
         self.cells.iter().filter(known).count()
     }
 }

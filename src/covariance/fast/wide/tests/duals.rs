@@ -77,7 +77,9 @@ impl Number for Dual {
         Self(root, self.1 / (2.0 * root))
     }
     fn where_greater(self, left: Self, right: Self, otherwise: Self) -> Self {
-        if left.0 > right.0 { self } else { otherwise }
+        // A weight of nothing that grows is more than none: what it does has a slope.
+        let greater = (left.0, left.1) > (right.0, right.1);
+        if greater { self } else { otherwise }
     }
 }
 
