@@ -137,7 +137,7 @@ fn bad_files_are_refused_with_line_key_and_advice() {
             "[site]\nlatitude_rad = 1",
             2,
             "site.latitude_rad",
-            "`latitude_deg`?",
+            "there is `latitude_deg`, in another unit",
         ),
         ("\n[sites]\nx = 1", 2, "sites", "`site`?"),
         (

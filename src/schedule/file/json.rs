@@ -398,7 +398,7 @@ mod tests {
                 "\"dwell_min\": 60",
                 "dwell_min",
                 None,
-                "did you mean `dwell_s`?",
+                "there is `dwell_s`, in another unit",
             ),
             (
                 "\"dwell_s\": 1, \"dwell_s\": 2",
