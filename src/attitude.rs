@@ -89,6 +89,14 @@ impl Position {
         }
     }
 
+    /// The same with its angles taken apart.
+    #[inline]
+    pub(crate) fn exact_of_array(angles: [f64; 3]) -> (Self, [Degrees; 3]) {
+        let apart = angles.map(Degrees::of_rad);
+        let deg = apart.map(|(deg, _)| deg);
+        (Self { deg }, apart.map(|(_, exact)| exact))
+    }
+
     /// As the array `[α, β, γ]`, rad.
     pub fn to_array(self) -> [f64; 3] {
         self.deg.map(|deg| deg * RAD_PER_DEG)

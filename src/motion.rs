@@ -15,6 +15,7 @@
 //! and return as legs of their own, which are held for no time; and so, with its dwells, what was
 //! done before an interruption ([`Test::interrupted_after`]).
 
+mod clear;
 mod equivalents;
 pub(crate) mod integral;
 mod scaled;
@@ -25,6 +26,7 @@ pub use crate::schedule::periods::MAX_FILTER_PERIODS;
 
 use std::ops::Range;
 
+pub(crate) use clear::clear_way;
 pub(crate) use equivalents::slowest_turn_rad;
 pub use equivalents::{equivalent_positions, quickest_positions};
 pub use test::Test;
@@ -33,7 +35,7 @@ pub use way::gimbal_change;
 pub(crate) use way::way;
 use way::way_between;
 
-use crate::attitude::{Attitude, Degrees, Position, wrap_half_turn};
+use crate::attitude::{Attitude, Degrees, NanoDegrees, Position, wrap_half_turn};
 use crate::error::{Error, Result};
 use crate::platform::{Platform, Repositioning};
 use crate::schedule::{Schedule, ScheduledPosition};
@@ -112,18 +114,23 @@ fn slowest_axis(change: &[f64; 3]) -> (usize, f64) {
 
 /// A position with its angles taken apart.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+pub(crate) struct Place {
     position: Position,
     angles: [Degrees; 3],
 }
 
 impl Place {
     #[inline]
-    fn new(position: Position) -> Self {
+    pub fn new(position: Position) -> Self {
         Self {
             position,
             angles: position.exact(),
         }
+    }
+
+    /// The angles in whole 1e-9°.
+    fn nano(&self) -> [NanoDegrees; 3] {
+        self.angles.map(|angle| angle.nano)
     }
 }
 
@@ -178,6 +185,7 @@ impl Timeline {
         for (index, p) in schedule.positions().iter().enumerate() {
             check_move(platform, index, p, &timeline.position_legs()[index])?;
         }
+        timeline.check_clear(platform)?;
         let periods = timeline.total_time_s() / platform.period_s;
         if periods > MAX_FILTER_PERIODS {
             return Err(Error::input("the test has too many filter periods")
@@ -196,29 +204,42 @@ impl Timeline {
         test: &Test,
         positions: impl ExactSizeIterator<Item = ScheduledPosition>,
     ) -> Self {
+        Self::through(test, positions.map(|p| (p.position.exact(), p)))
+    }
+
+    /// The same through positions whose angles are taken apart already.
+    pub(crate) fn through(
+        test: &Test,
+        positions: impl ExactSizeIterator<Item = ([Degrees; 3], ScheduledPosition)>,
+    ) -> Self {
         let platform = test.platform();
         let motion = &platform.motion;
         let mut legs: Vec<Leg> = Vec::with_capacity(positions.len() + 2);
         // Angles are taken apart once for a position, not again as the next one's start.
         let mut from: Option<Place> = None;
-        let mut add = |p: &ScheduledPosition| {
-            let to = Place::new(p.position);
+        let mut add = |angles: [Degrees; 3], p: &ScheduledPosition| {
+            let position = p.position;
+            let to = Place { position, angles };
             legs.push(Self::leg_to(platform, from.as_ref(), &to, p));
             from = Some(to);
         };
         if let Some(start) = motion.start {
-            add(&ScheduledPosition::new(start, 0.0));
+            add(start.exact(), &ScheduledPosition::new(start, 0.0));
         }
         let done = test.done().map_or(&[][..], Schedule::positions);
-        done.iter().for_each(&mut add);
-        positions.for_each(|p| add(&p));
+        done.iter().for_each(|p| add(p.position.exact(), p));
+        positions.for_each(|(angles, p)| add(angles, &p));
         let first = usize::from(motion.start.is_some()) + done.len();
         let positions = first..legs.len();
         if let (true, Some(first), Some(last)) = (motion.return_to_start, legs.first(), legs.last())
         {
-            let back = ScheduledPosition {
+            let mut back = ScheduledPosition {
                 move_measured: Some(false),
                 ..ScheduledPosition::new(first.position, 0.0)
+            };
+            back.change_deg = match platform.obstacles.stop_moves() {
+                true => Self::way_back(platform, &legs, &back),
+                false => None,
             };
             let mut back = Self::leg(platform, Some(last.position), &back);
             // Nothing is measured any more.
@@ -226,6 +247,14 @@ impl Timeline {
             legs.push(back);
         }
         Self { legs, positions }
+    }
+
+    /// A way back that nothing is in, degrees; none: there is none, or it is the usual one.
+    fn way_back(platform: &Platform, legs: &[Leg], back: &ScheduledPosition) -> Option<[f64; 3]> {
+        let from = Place::new(legs.last()?.position);
+        let to = Place::new(back.position);
+        let way = clear_way(platform, &from, &to, None, Some(clear::wound(legs)))?;
+        Some(way.map(Degrees::deg))
     }
 
     /// The same with other dwells at the positions of the schedule, s: the moves do not depend on them.

@@ -4,6 +4,8 @@
 //! tests every value and gives the [`Platform`] the computation takes: valid by construction and
 //! in SI.
 
+use std::path::PathBuf;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -13,14 +15,18 @@ use crate::error::{Error, Result};
 use crate::model::{Colour, ErrorModel};
 use crate::units::{Angle, AngularRate};
 
+mod allowed;
 mod axis_value;
 mod colour;
 mod errors;
 mod gimbals;
+mod obstacles;
 pub use axis_value::{AxisValue, GSensitivePrior};
 pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};
+pub use obstacles::ForbiddenConfig;
+pub(crate) use obstacles::Obstacles;
 
 /// Where the test stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,6 +130,16 @@ pub struct GimbalsConfig {
     /// Index table: positions only at multiples of this, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_deg: Option<f64>,
+    /// Closed boxes of angles that no position and no move may enter.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub forbidden: Vec<ForbiddenConfig>,
+    /// Most |net angle − start| of α, β, γ at every instant of a test, degrees; none: no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_winding_deg: Option<[f64; 3]>,
+    /// A file that lists the positions which the stand can hold (CSV: `alpha_deg`, `beta_deg`,
+    /// `gamma_deg`); none: any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub allowed: Option<PathBuf>,
 }
 
 /// How a change of position is modelled.
@@ -271,6 +287,7 @@ pub struct Platform {
     pub(crate) errors: ErrorModel,
     pub(crate) azimuth_noise_rad: Option<f64>,
     pub(crate) gimbals: Gimbals,
+    pub(crate) obstacles: Obstacles,
     pub(crate) motion: Motion,
 }
 
@@ -342,6 +359,10 @@ impl Platform {
     pub fn gimbals(&self) -> &Gimbals {
         &self.gimbals
     }
+    /// What the gimbals have in their way.
+    pub(crate) fn obstacles(&self) -> &Obstacles {
+        &self.obstacles
+    }
     /// The motion between positions.
     pub fn motion(&self) -> &Motion {
         &self.motion
@@ -378,7 +399,7 @@ impl PlatformConfig {
             1e5,
             "0.001 to 100000",
         )?;
-        let gimbals = self.gimbals.check()?;
+        let (gimbals, obstacles) = self.gimbals.check()?;
         let prior_drift_rad_per_s = self.prior.drift_rad_per_s()?;
         let errors = ErrorModel::new(
             &prior_drift_rad_per_s.map(|v| AngularRate::from_rad_per_s(v).deg_per_h()),
@@ -396,8 +417,9 @@ impl PlatformConfig {
             prior_drift_rad_per_s,
             errors,
             azimuth_noise_rad: self.azimuth.check()?,
-            motion: self.motion.check(&gimbals)?,
+            motion: self.motion.check(&gimbals, &obstacles)?,
             gimbals,
+            obstacles,
         })
     }
 }
@@ -473,7 +495,24 @@ impl PriorConfig {
 }
 
 impl GimbalsConfig {
-    fn check(&self) -> Result<Gimbals> {
+    fn check(&self) -> Result<(Gimbals, Obstacles)> {
+        let gimbals = self.ranges()?;
+        let list = self.allowed.as_deref().map(allowed::read).transpose()?;
+        let in_the_list = |e: Error| match (e.key(), &self.allowed) {
+            (Some(key), Some(file)) if key.starts_with("positions[") => e.with_file(file),
+            _ => e,
+        };
+        let obstacles = Obstacles::new(
+            &self.forbidden,
+            self.max_winding_deg,
+            list.as_deref(),
+            &gimbals,
+        );
+        Ok((gimbals, obstacles.map_err(in_the_list)?))
+    }
+
+    /// The ranges and the index step.
+    fn ranges(&self) -> Result<Gimbals> {
         let axes = [
             ("gimbals.alpha_deg", self.alpha_deg),
             ("gimbals.beta_deg", self.beta_deg),
@@ -506,7 +545,7 @@ impl GimbalsConfig {
 }
 
 impl MotionConfig {
-    fn check(&self, gimbals: &Gimbals) -> Result<Motion> {
+    fn check(&self, gimbals: &Gimbals, obstacles: &Obstacles) -> Result<Motion> {
         let slew_rate_rad_per_s = self
             .slew_rate_deg_per_s
             .map(|rate| {
@@ -526,14 +565,17 @@ impl MotionConfig {
             settle_s: in_range("motion.settle_s", self.settle_s, 0.0, 1e6, "0 to 1e6")?,
             measure_moves: self.measure_moves,
             min_dwell_s: in_range("motion.min_dwell_s", self.min_dwell_s, 0.0, 1e6, "0 to 1e6")?,
-            start: self.start_deg.map(|deg| start(deg, gimbals)).transpose()?,
+            start: self
+                .start_deg
+                .map(|deg| start(deg, gimbals, obstacles))
+                .transpose()?,
             return_to_start: self.return_to_start,
         })
     }
 }
 
 /// The position before the test.
-fn start(deg: [f64; 3], gimbals: &Gimbals) -> Result<Position> {
+fn start(deg: [f64; 3], gimbals: &Gimbals, obstacles: &Obstacles) -> Result<Position> {
     const KEY: &str = "motion.start_deg";
     for v in deg {
         in_range(KEY, v, -36_000.0, 36_000.0, "angles from -36000 to 36000")?;
@@ -543,6 +585,22 @@ fn start(deg: [f64; 3], gimbals: &Gimbals) -> Result<Position> {
         if let Some(allowed) = gimbals.refusal(axis, angle) {
             return Err(Error::out_of_range(KEY, deg[axis], &allowed));
         }
+    }
+    let refused = |allowed: String| {
+        let [alpha, beta, gamma] = deg;
+        Err(Error::input("the platform cannot stand there")
+            .with_key(KEY)
+            .with_value(format!("[{alpha}, {beta}, {gamma}]"))
+            .with_allowed(allowed))
+    };
+    if let Some(index) = obstacles.at(position.nano()) {
+        return refused(format!(
+            "outside gimbals.forbidden[{index}], {}",
+            obstacles.shown(index)
+        ));
+    }
+    if !obstacles.is_listed(position.nano()) {
+        return refused("a position of gimbals.allowed".to_owned());
     }
     Ok(position)
 }

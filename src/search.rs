@@ -213,13 +213,17 @@ pub(crate) fn conclude(
 pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem) -> Result<()> {
     let platform = evaluator.test().platform();
     let empty = index_table::IndexTable::new(platform).is_some_and(|t| t.is_empty());
-    if empty {
-        return Err(still::no_setting());
+    if empty || still::still(evaluator.test()).is_none() {
+        return Err(still::no_setting(platform));
     }
     let motion = platform.motion();
     if problem.allow_tumbling {
+        let listed = platform.obstacles().allowed().is_some();
         let why = match (platform.gimbals().step_rad, motion.repositioning) {
             (Some(_), _) => Some("an index table (gimbals.step_deg) does not turn continuously"),
+            _ if listed => {
+                Some("a stand with a list of positions (gimbals.allowed) holds only them")
+            }
             (_, Repositioning::FrameHold) => Some("in frame-hold repositioning moves take no time"),
             _ => None,
         };

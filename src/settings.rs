@@ -6,6 +6,6 @@ pub use crate::config::{
 };
 pub use crate::platform::{
     AccelerometerConfig, AxisValue, AzimuthConfig, ErrorTable, ErrorsConfig, FilterConfig,
-    GSensitivePrior, GimbalsConfig, GyroConfig, MotionConfig, OutputAxes, OutputAxis,
-    PlatformConfig, PriorConfig, Repositioning, SiteConfig,
+    ForbiddenConfig, GSensitivePrior, GimbalsConfig, GyroConfig, MotionConfig, OutputAxes,
+    OutputAxis, PlatformConfig, PriorConfig, Repositioning, SiteConfig,
 };

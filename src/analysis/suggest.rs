@@ -494,7 +494,11 @@ fn best_position(platform: &Platform, gain: impl Fn(Position) -> f64) -> Option<
     let mut examined = 0;
     let mut value = |at: [i64; 3]| {
         examined += 1;
-        gain(position(at))
+        let position = position(at);
+        match platform.obstacles().allow(position.nano()) {
+            true => gain(position),
+            false => f64::NEG_INFINITY,
+        }
     };
     let mut grid = Vec::new();
     let grids = axes.each_ref().map(|axis| axis.grid(GRID_DEG));

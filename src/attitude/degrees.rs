@@ -122,6 +122,21 @@ impl Degrees {
         Self { nano, rest_deg }
     }
 
+    /// An angle in radians in degrees, as [`deg_of_rad`] has it, and the same taken apart.
+    #[inline]
+    pub fn of_rad(rad: f64) -> (f64, Self) {
+        let deg = rad / RAD_PER_DEG;
+        let nano = NanoDegrees::nearest(deg);
+        let decimal = nano.deg();
+        match is_decimal(deg, decimal) {
+            true => (decimal, Self::from(nano)),
+            false => {
+                let rest_deg = deg - decimal;
+                (deg, Self { nano, rest_deg })
+            }
+        }
+    }
+
     /// In degrees.
     pub fn deg(self) -> f64 {
         self.nano.deg() + self.rest_deg
@@ -232,10 +247,16 @@ pub(crate) fn deg_of_rad(rad: f64) -> f64 {
 #[inline]
 pub(crate) fn decimal(deg: f64) -> f64 {
     let decimal = NanoDegrees::nearest(deg).deg();
-    match (deg - decimal).abs() <= 4.0 * f64::EPSILON * deg.abs() {
+    match is_decimal(deg, decimal) {
         true => decimal,
         false => deg,
     }
+}
+
+/// Whether a computed angle is this decimal but for two or three roundings.
+#[inline]
+fn is_decimal(deg: f64, decimal: f64) -> bool {
+    (deg - decimal).abs() <= 4.0 * f64::EPSILON * deg.abs()
 }
 
 #[cfg(test)]
@@ -319,5 +340,17 @@ mod tests {
         }
         assert_eq!(deg_of_rad(1.0).to_bits(), (1.0 / RAD_PER_DEG).to_bits());
         assert!(deg_of_rad(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn angles_in_radians_are_taken_apart_as_their_degrees_are() {
+        let decimals = (0..2000).map(|k| f64::from(k * 137 - 90_000) * 1e-3 * RAD_PER_DEG);
+        let others = (0..2000).map(|k| 7.3 * f64::from(k).sin() * f64::from(k % 40 - 20).exp2());
+        let ends = [0.0, -0.0, 1e30, -1e30, f64::MIN_POSITIVE];
+        for rad in decimals.chain(others).chain(ends) {
+            let (deg, apart) = Degrees::of_rad(rad);
+            assert_eq!(deg.to_bits(), deg_of_rad(rad).to_bits(), "{rad:e}");
+            assert_eq!(apart, Degrees::new(deg), "{rad:e}");
+        }
     }
 }

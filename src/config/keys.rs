@@ -90,6 +90,9 @@ const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("gimbals.beta_deg", Assumed),
     ("gimbals.gamma_deg", Assumed),
     ("gimbals.step_deg", Assumed),
+    ("gimbals.forbidden", Nothing),
+    ("gimbals.max_winding_deg", Nothing),
+    ("gimbals.allowed", Nothing),
     ("motion.repositioning", Assumed),
     ("motion.slew_rate_deg_per_s", Assumed),
     ("motion.settle_s", Assumed),
@@ -192,8 +195,13 @@ pub(super) fn is_list(path: &str) -> bool {
 
 /// How many elements an array has that is given for this key, and what they are.
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
-    if path.starts_with("gimbals.") && path != "gimbals.step_deg" {
+    if matches!(
+        path,
+        "gimbals.alpha_deg" | "gimbals.beta_deg" | "gimbals.gamma_deg"
+    ) {
         Some((2, "two numbers [low, high]"))
+    } else if path == "gimbals.max_winding_deg" {
+        Some((3, "three angles [alpha, beta, gamma]"))
     } else if path == "motion.start_deg" {
         Some((3, "three angles [alpha, beta, gamma]"))
     } else if path.starts_with("gyro.output_axis.") {

@@ -66,12 +66,15 @@ impl StudySource {
                     None => e,
                 })?;
         let lines: BTreeMap<_, _> = document.into_iter().map(|(k, p)| (k, p.line)).collect();
-        if let (Some(profile), Some(folder)) = (
-            &mut config.objective.use_profile,
-            file.and_then(Path::parent),
-        ) {
+        if let Some(folder) = file.and_then(Path::parent) {
             // As a person writes it: beside the file that names it.
-            *profile = folder.join(&*profile);
+            let named = [
+                &mut config.objective.use_profile,
+                &mut config.platform.gimbals.allowed,
+            ];
+            for path in named.into_iter().flatten() {
+                *path = folder.join(&*path);
+            }
         }
         Ok(Self {
             config,

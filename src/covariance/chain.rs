@@ -193,12 +193,26 @@ pub(super) fn run<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
     sink: &mut S,
     recorder: &mut R,
 ) -> Reached<E> {
+    start(effects, rule, sink, recorder).through(timeline)
+}
+
+/// Before the start: nothing is known of the parameters, and ψ^n by its prior.
+pub(super) fn start<'a, E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
+    effects: &'a E,
+    rule: TickRule,
+    sink: &'a mut S,
+    recorder: &'a mut R,
+) -> Runner<'a, E, S, R> {
     let prior = effects.model().prior_psi.diagonal();
-    let start = Reached {
+    Runner {
+        effects,
+        rule,
         v: effects.nothing(),
         g: Matrix3::from_diagonal(&prior.map(|variance| E::Number::from(variance).sqrt())),
-    };
-    run_from(start, effects, timeline, rule, sink, recorder)
+        sink,
+        recorder,
+        leg: 0,
+    }
 }
 
 /// The same from another V and G than those of the prior.
@@ -210,7 +224,7 @@ pub(super) fn run_from<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
     sink: &mut S,
     recorder: &mut R,
 ) -> Reached<E> {
-    let mut runner = Runner {
+    let runner = Runner {
         effects,
         rule,
         v: start.v,
@@ -219,27 +233,37 @@ pub(super) fn run_from<E: Effects, S: InformationSink<E::Drive>, R: Recorder>(
         recorder,
         leg: 0,
     };
-    let mut before = None;
-    for (index, leg) in timeline.legs().iter().enumerate() {
-        runner.leg = index;
-        let here = effects.place(leg);
-        match &before {
-            Some(before) => runner.arrive(leg, &here, before),
-            None => runner.enter(&here),
-        }
-        runner.dwell(leg, &here);
-        before = Some(here);
-    }
-    if let Some(last) = &before {
-        runner.leave(last);
-    }
-    Reached {
-        v: runner.v,
-        g: runner.g,
-    }
+    runner.through(timeline)
 }
 
 impl<E: Effects, S: InformationSink<E::Drive>, R: Recorder> Runner<'_, E, S, R> {
+    /// All legs of `timeline` in turn.
+    fn through(mut self, timeline: &Timeline) -> Reached<E> {
+        let mut before = None;
+        for (index, leg) in timeline.legs().iter().enumerate() {
+            self.leg = index;
+            let here = self.effects.place(leg);
+            self.reach(leg, &here, before.as_ref());
+            self.dwell(leg, &here);
+            before = Some(here);
+        }
+        if let Some(last) = &before {
+            self.leave(last);
+        }
+        Reached {
+            v: self.v,
+            g: self.g,
+        }
+    }
+
+    /// Comes to a leg, from the place `before` it if there is one.
+    pub fn reach(&mut self, leg: &Leg, here: &E::Place, before: Option<&E::Place>) {
+        match before {
+            Some(before) => self.arrive(leg, here, before),
+            None => self.enter(here),
+        }
+    }
+
     pub fn arrive(&mut self, leg: &Leg, here: &E::Place, before: &E::Place) {
         let Some(arrival) = &leg.arrival else {
             return;

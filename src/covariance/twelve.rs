@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::chain::{Effects, InformationSink, NoRecord, Reached, Recorder, Runner, run};
+use super::chain::{Effects, InformationSink, NoRecord, Reached, Recorder, Runner, run, start};
 use super::kernel::Kernel;
 use super::real::Extended;
 use super::rows::Rows;
@@ -85,6 +85,44 @@ impl CovarianceModel {
             v,
             p: g * g.transpose(),
         }
+    }
+
+    /// What `timeline` tells, and what it would tell with each dwell of its schedule longer by
+    /// `by_s`, in order: what comes before that dwell is gone through once for all of them.
+    pub(crate) fn run_lengthened<S: InformationSink + Clone>(
+        &self,
+        timeline: &Timeline,
+        rule: TickRule,
+        by_s: f64,
+        nothing: S,
+    ) -> (S, Vec<S>) {
+        let legs = timeline.legs();
+        let mut sink = nothing;
+        let (effects, mut recorder) = (Twelve(self), NoRecord);
+        let mut runner = start(&effects, rule, &mut sink, &mut recorder);
+        let mut lengthened = Vec::with_capacity(timeline.position_legs().len());
+        for (index, leg) in legs.iter().enumerate() {
+            let before = index.checked_sub(1).map(|k| &legs[k].attitude);
+            runner.reach(leg, &leg.attitude, before);
+            if timeline.positions().contains(&index) {
+                let mut ahead = runner.sink.clone();
+                let mut fork = Runner {
+                    effects: runner.effects,
+                    sink: &mut ahead,
+                    recorder: &mut NoRecord,
+                    ..runner
+                };
+                let dwell_s = leg.dwell_s + by_s;
+                fork.dwell(&Leg { dwell_s, ..*leg }, &leg.attitude);
+                for pair in legs[index..].windows(2) {
+                    fork.reach(&pair[1], &pair[1].attitude, Some(&pair[0].attitude));
+                    fork.dwell(&pair[1], &pair[1].attitude);
+                }
+                lengthened.push(ahead);
+            }
+            runner.dwell(leg, &leg.attitude);
+        }
+        (sink, lengthened)
     }
 
     /// Before the test: nothing is known of D, and ψ^n by its prior.

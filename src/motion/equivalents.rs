@@ -4,7 +4,8 @@
 //! difference, and at β = ±90° only α ∓ γ counts. Which of them the gimbals take decides how far
 //! they have to turn from one position to the next.
 
-use super::{Test, way};
+use super::clear::{clear_way, longest};
+use super::{Place, Test, way_between};
 use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::platform::Platform;
 use crate::units::RAD_PER_DEG;
@@ -27,16 +28,25 @@ const TURNS: [i64; 3] = [0, 1, -1];
 /// # Ok::<(), scheme_opt::Error>(())
 /// ```
 pub fn equivalent_positions(platform: &Platform, position: Position) -> Vec<Position> {
+    let all = equivalent_places(platform, position).into_iter();
+    all.map(|place| place.position).collect()
+}
+
+/// The same with their angles taken apart.
+fn equivalent_places(platform: &Platform, position: Position) -> Vec<Place> {
+    let obstacles = platform.obstacles();
+    let nothing_in_the_way = obstacles.is_empty();
     let half = Degrees::from(NanoDegrees::HALF_TURN);
-    let mut all: Vec<Position> = Vec::new();
+    let mut all: Vec<Place> = Vec::with_capacity(2);
     for [a, b, g] in with_lock(position) {
         for triple in [[a, b, g], [a + half, half - b, g + half]] {
             let axes = [0, 1, 2].map(|axis| settings(platform, axis, triple[axis]));
-            for &a in &axes[0] {
-                for &b in &axes[1] {
-                    for &g in &axes[2] {
-                        let found = Position::from_deg(a, b, g);
-                        if all.iter().all(|known| known.nano() != found.nano()) {
+            for a in axes[0].iter() {
+                for b in axes[1].iter() {
+                    for g in axes[2].iter() {
+                        let found = Place::new(Position::from_deg(a, b, g));
+                        let is_new = all.iter().all(|known| known.nano() != found.nano());
+                        if is_new && (nothing_in_the_way || obstacles.allow(found.nano())) {
                             all.push(found);
                         }
                     }
@@ -64,25 +74,47 @@ fn with_lock(position: Position) -> Vec<[Degrees; 3]> {
     triples
 }
 
+/// A few angles of an axis, degrees.
+#[derive(Default)]
+struct Settings {
+    deg: [f64; TURNS.len()],
+    count: usize,
+}
+
+impl Settings {
+    /// Those of `deg` that the axis can be set to.
+    fn allowed(platform: &Platform, axis: usize, deg: &[f64]) -> Self {
+        let mut settings = Self::default();
+        for deg in deg {
+            if platform.gimbals().allows(axis, *deg) {
+                settings.deg[settings.count] = *deg;
+                settings.count += 1;
+            }
+        }
+        settings
+    }
+
+    fn iter(&self) -> impl Iterator<Item = f64> + '_ {
+        self.deg[..self.count].iter().copied()
+    }
+}
+
 /// The angles of an axis, degrees, that are the same direction as `angle` and can be set.
-fn settings(platform: &Platform, axis: usize, angle: Degrees) -> Vec<f64> {
-    let allowed = |deg: &f64| platform.gimbals().refusal(axis, *deg).is_none();
+fn settings(platform: &Platform, axis: usize, angle: Degrees) -> Settings {
+    let allowed = |deg: &[f64]| Settings::allowed(platform, axis, deg);
     let Some(range) = platform.gimbals().ranges[axis] else {
-        return vec![angle.wrapped().deg()]
-            .into_iter()
-            .filter(allowed)
-            .collect();
+        return allowed(&[angle.wrapped().deg()]);
     };
     let turn = NanoDegrees::TURN.count();
     let by = |turns: i64| (angle + Degrees::from(NanoDegrees::new(turns * turn))).deg();
-    let near: Vec<f64> = TURNS.map(by).into_iter().filter(allowed).collect();
-    if !near.is_empty() {
+    let near = allowed(&TURNS.map(by));
+    if near.count > 0 {
         return near;
     }
     // The fewest turns that lead to the lower end or beyond.
     let missing = (*range.ends().start() - angle.nano).count();
     let lowest = by(-(-missing).div_euclid(turn));
-    vec![lowest].into_iter().filter(allowed).collect()
+    allowed(&[lowest])
 }
 
 /// The same attitudes in the same order by the triples that take the gimbals least time, start
@@ -102,14 +134,18 @@ pub fn quickest_positions(test: &Test, positions: &[Position]) -> Vec<Position> 
     if positions.is_empty() {
         return Vec::new();
     }
-    let options: Vec<Vec<Position>> = positions
+    let options: Vec<Vec<Place>> = positions
         .iter()
         .map(|p| {
-            let all = equivalent_positions(platform, *p);
-            if all.is_empty() { vec![*p] } else { all }
+            let all = equivalent_places(platform, *p);
+            if all.is_empty() {
+                vec![Place::new(*p)]
+            } else {
+                all
+            }
         })
         .collect();
-    let start = test.standing();
+    let start = test.standing().map(Place::new);
     let back = platform.motion().return_to_start;
     match (start, back) {
         // A return to the first position: each of its triples is a problem of its own.
@@ -121,33 +157,41 @@ pub fn quickest_positions(test: &Test, positions: &[Position]) -> Vec<Position> 
             let best = ways.reduce(|best, way| if way.0 < best.0 { way } else { best });
             best.map_or_else(|| positions.to_vec(), |(_, way)| way)
         }
-        _ => quickest(platform, &options, start, test.home().filter(|_| back)).1,
+        _ => {
+            let home = test.home().filter(|_| back).map(Place::new);
+            quickest(platform, &options, start, home).1
+        }
     }
 }
 
+/// Longer than any way, 1e-9°: where there is none.
+const NO_WAY: i64 = 1_000_000_000_000_000;
+
 /// Angle that the slowest axis turns, in whole 1e-9° so that equal ways are equally long.
-fn distance(platform: &Platform, from: Position, to: Position) -> i64 {
-    let change = way(platform, from, to, None);
-    change
-        .into_iter()
-        .fold(0, |max, c| max.max(c.nano.abs().count()))
+fn distance(platform: &Platform, from: &Place, to: &Place) -> i64 {
+    if platform.obstacles().stop_moves() {
+        let way = clear_way(platform, from, to, None, None);
+        return way.map_or(NO_WAY, |way| longest(&way));
+    }
+    longest(&way_between(platform, from.angles, to.angles, None))
 }
 
 /// The same in rad.
 pub(crate) fn slowest_turn_rad(platform: &Platform, from: Position, to: Position) -> f64 {
-    NanoDegrees::new(distance(platform, from, to)).deg() * RAD_PER_DEG
+    let turn = distance(platform, &Place::new(from), &Place::new(to));
+    NanoDegrees::new(turn).deg() * RAD_PER_DEG
 }
 
 /// The cheapest way through one option each, with its cost, 1e-9°.
 fn quickest(
     platform: &Platform,
-    options: &[Vec<Position>],
-    start: Option<Position>,
-    back: Option<Position>,
+    options: &[Vec<Place>],
+    start: Option<Place>,
+    back: Option<Place>,
 ) -> (i64, Vec<Position>) {
     let mut cost: Vec<i64> = options[0]
         .iter()
-        .map(|p| start.map_or(0, |s| distance(platform, s, *p)))
+        .map(|p| start.map_or(0, |s| distance(platform, &s, p)))
         .collect();
     let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(options.len());
     for pair in options.windows(2) {
@@ -155,7 +199,7 @@ fn quickest(
         let mut from = Vec::with_capacity(pair[1].len());
         for p in &pair[1] {
             let ways = pair[0].iter().zip(&cost).enumerate();
-            let ways = ways.map(|(i, (before, cost))| (cost + distance(platform, *before, *p), i));
+            let ways = ways.map(|(i, (before, cost))| (cost + distance(platform, before, p), i));
             let (least, i) = cheapest(ways);
             next.push(least);
             from.push(i);
@@ -165,14 +209,14 @@ fn quickest(
     }
     let last = &options[options.len() - 1];
     let ends = last.iter().zip(&cost).enumerate().map(|(i, (p, cost))| {
-        let home = back.map_or(0, |b| distance(platform, *p, b));
+        let home = back.map_or(0, |b| distance(platform, p, &b));
         (cost + home, i)
     });
     let (total, mut chosen) = cheapest(ends);
-    let mut way = vec![last[chosen]];
+    let mut way = vec![last[chosen].position];
     for (from, before) in came_from.iter().zip(options).rev() {
         chosen = from[chosen];
-        way.push(before[chosen]);
+        way.push(before[chosen].position);
     }
     way.reverse();
     (total, way)
@@ -282,7 +326,9 @@ mod tests {
             if let Some(home) = motion.start {
                 stops.insert(0, home);
             }
-            let moves = stops.windows(2).map(|w| distance(platform, w[0], w[1]));
+            let moves = stops
+                .windows(2)
+                .map(|w| distance(platform, &Place::new(w[0]), &Place::new(w[1])));
             moves.sum::<i64>()
         };
         let mut ways: Vec<Vec<Position>> = vec![Vec::new()];
@@ -308,7 +354,11 @@ mod tests {
             let there = Position::from_deg(40.0, beta, 10.0);
             let same = Position::from_deg(0.0, beta, 10.0 - sign * 40.0);
             let way = quickest_positions(&free.clone().into(), &[same, there]);
-            assert_eq!(distance(&free, way[0], way[1]), 0, "{way:?}");
+            assert_eq!(
+                distance(&free, &Place::new(way[0]), &Place::new(way[1])),
+                0,
+                "{way:?}"
+            );
         }
         // Beside it all three count.
         let beside = Position::from_deg(40.0, 89.0, 10.0);

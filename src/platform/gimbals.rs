@@ -29,6 +29,11 @@ impl GimbalRange {
         let nano = |rad| NanoDegrees::nearest(deg_of_rad(rad));
         nano(self.low_rad)..=nano(self.high_rad)
     }
+
+    /// Whether an angle, degrees, lies within.
+    fn contains(&self, deg: f64) -> bool {
+        !deg.is_nan() && self.ends().contains(&NanoDegrees::nearest(deg))
+    }
 }
 
 impl Gimbals {
@@ -40,17 +45,25 @@ impl Gimbals {
     /// What is allowed on `axis`, in words, if the angle (degrees) is not.
     pub(crate) fn refusal(&self, axis: usize, deg: f64) -> Option<String> {
         if let Some(range) = self.ranges[axis]
-            && (deg.is_nan() || !range.ends().contains(&NanoDegrees::nearest(deg)))
+            && !range.contains(deg)
         {
             let (low, high) = range.ends().into_inner();
             let (low, high) = (low.deg(), high.deg());
             return Some(format!("the gimbal's range {low} to {high}"));
         }
         let step = self.step_deg()?;
-        // A multiple as a file can hold it.
-        let off = (deg - step * (deg / step).round()).abs();
-        (off > 0.5e-9 + 8.0 * f64::EPSILON * deg.abs())
-            .then(|| format!("multiples of gimbals.step_deg = {}", round_deg(step)))
+        if is_multiple(step, deg) {
+            return None;
+        }
+        let step = round_deg(step);
+        Some(format!("multiples of gimbals.step_deg = {step}"))
+    }
+
+    /// Whether `axis` can be set to an angle: [`Gimbals::refusal`] without its words, which a search
+    /// does not read.
+    pub(crate) fn allows(&self, axis: usize, deg: f64) -> bool {
+        let within = self.ranges[axis].is_none_or(|range| range.contains(deg));
+        within && self.step_deg().is_none_or(|step| is_multiple(step, deg))
     }
 
     /// The settings of an axis on an index table, degrees: the multiples of the step within the
@@ -61,6 +74,12 @@ impl Gimbals {
         let ends = self.ranges[axis].map_or(NanoDegrees::new(1) - half..=half, |r| r.ends());
         Some(multiples(step, ends).map(move |k| decimal(f64::from(k) * step)))
     }
+}
+
+/// Whether an angle is a multiple of the step, as a file can hold it.
+fn is_multiple(step: f64, deg: f64) -> bool {
+    let off = (deg - step * (deg / step).round()).abs();
+    off.is_nan() || off <= 0.5e-9 + 8.0 * f64::EPSILON * deg.abs()
 }
 
 /// The multiples of `step` degrees within a range, as numbers of steps.

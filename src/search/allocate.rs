@@ -24,7 +24,7 @@ use nalgebra::DMatrix;
 use super::context::{Context, WorkDone};
 use super::plan::Plan;
 use super::rated::Refined;
-use crate::covariance::chain::{InformationSink, NoRecord};
+use crate::covariance::chain::InformationSink;
 use crate::covariance::{CoefficientCovariance, TickRule};
 use crate::criterion::Smoothing;
 use crate::drift::{CoefficientMatrix, DriftMatrix};
@@ -83,15 +83,16 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
             next.remove(k);
         }
     }
-    let next = next.fitted(test, context.problem.total_time_s)?;
+    let (next, timeline) = next.fitted_timeline(test, context.problem.total_time_s)?;
     context.work.count_evaluations(1);
     // A step to where no merit can be computed is not taken.
-    let merit = evaluator.merit(&next.timeline(test), smoothing).ok()?;
+    let merit = evaluator.merit(&timeline, smoothing).ok()?;
     Some(Refined { plan: next, merit })
 }
 
 /// Lᵀ E L, from rows that are seen through L before they are squared: no row of E is as short, and
 /// none as long, as in its own units.
+#[derive(Clone)]
 struct SeenThrough<'a> {
     root: &'a CoefficientMatrix,
     sum: CoefficientMatrix,
@@ -139,21 +140,17 @@ impl LocalModel {
         let (_, slope) = evaluator.merit_and_slope(&end, smoothing).ok()?;
         let slope = slope.in_root(&end);
         let root = end.root();
-        let information = |timeline: &Timeline| {
-            let mut seen = SeenThrough {
-                root: root.matrix(),
-                sum: CoefficientMatrix::zeros(),
-            };
-            model.run(timeline, TickRule::Relaxed, &mut seen, &mut NoRecord);
-            seen.sum
+        let nothing = SeenThrough {
+            root: root.matrix(),
+            sum: CoefficientMatrix::zeros(),
         };
-        let here = information(&timeline);
         // One period ahead: long against rounding, short against the dwell.
         let ahead = test.platform().period_s();
+        let (here, longer) = model.run_lengthened(&timeline, TickRule::Relaxed, ahead, nothing);
         let mut pulled = Vec::with_capacity(count);
         let mut gradient = Vec::with_capacity(count);
-        for k in 0..count {
-            let rate = (information(&longer(&timeline, plan, k, ahead)) - here) / ahead;
+        for longer in longer {
+            let rate = (longer.sum - here.sum) / ahead;
             gradient.push(-slope.dot(&rate));
             pulled.push((rate, slope * rate));
         }

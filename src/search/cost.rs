@@ -18,9 +18,8 @@ pub(super) fn price_of_time(
     let test = context.evaluator.test();
     let total_time_s = context.problem.total_time_s;
     let merit = |total_time_s: f64| {
-        let plan = plan.clone().fitted(test, total_time_s)?;
+        let (_, timeline) = plan.clone().fitted_timeline(test, total_time_s)?;
         context.work.count_evaluations(1);
-        let timeline = plan.timeline(test);
         // Without a merit time has no price.
         context.evaluator.merit(&timeline, smoothing).ok()
     };

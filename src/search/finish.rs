@@ -245,7 +245,11 @@ fn shift_periods(context: Context<'_>, mut plan: Plan) -> Plan {
 /// The merit of a finished plan by the criterion itself; infinite where it has none.
 fn exact_merit(context: Context<'_>, plan: &Plan) -> f64 {
     context.work.count_evaluations(1);
-    let timeline = plan.timeline(context.evaluator.test());
+    let test = context.evaluator.test();
+    let timeline = plan.timeline(test);
+    if !timeline.is_clear(test.platform()) {
+        return f64::INFINITY;
+    }
     let merit = context.evaluator.merit(&timeline, Smoothing::Exact);
     merit.unwrap_or(f64::INFINITY)
 }
@@ -309,8 +313,9 @@ fn with_whole_periods(test: &Test, plan: &Plan, total_time_s: f64) -> Option<Pla
         dwell_s: whole_periods(test.platform(), &plan.dwell_s, budget_s)?,
         ..plan.clone()
     };
-    let total = rounded.timeline(test).total_time_s();
-    (total <= total_time_s * (1.0 + TIME_SLACK)).then_some(rounded)
+    let timeline = rounded.timeline(test);
+    let fits = timeline.total_time_s() <= total_time_s * (1.0 + TIME_SLACK);
+    (fits && timeline.is_clear(test.platform())).then_some(rounded)
 }
 
 /// Durations to whole filter periods, none shorter than the minimum dwell, filling `budget_s`

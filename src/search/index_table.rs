@@ -51,31 +51,42 @@ enum Reach {
     All,
 }
 
-/// The angles each axis can be set to, rad.
+/// The positions that can be held where not all can: the angles each axis can be set to, rad, in any
+/// combination, or a list of positions.
 #[derive(Debug, Clone)]
 pub(super) struct IndexTable {
     angles: [Vec<f64>; 3],
+    /// The positions themselves, where the stand has a list of them.
+    list: Option<Vec<[f64; 3]>>,
     /// The places by attitude, each with all its triples; empty when there are too many. Worked
     /// out when first wanted: few users of a table ask for them.
     attitudes: OnceLock<Vec<Vec<[f64; 3]>>>,
 }
 
 impl IndexTable {
-    /// The table of `platform`; none without an index step.
+    /// The table of `platform`; none without an index step or a list of positions.
     pub fn new(platform: &Platform) -> Option<Self> {
+        if let Some(allowed) = platform.obstacles().allowed() {
+            return Some(Self {
+                angles: Default::default(),
+                list: Some(allowed.iter().map(|p| p.to_array()).collect()),
+                attitudes: OnceLock::new(),
+            });
+        }
         let settings = |axis| -> Option<Vec<f64>> {
             let deg = platform.gimbals().settings_deg(axis)?;
             Some(deg.map(|deg| deg * RAD_PER_DEG).collect())
         };
         Some(Self {
             angles: [settings(0)?, settings(1)?, settings(2)?],
+            list: None,
             attitudes: OnceLock::new(),
         })
     }
 
     /// Whether any position can be set at all.
     pub fn is_empty(&self) -> bool {
-        self.angles.iter().any(Vec::is_empty)
+        self.list.is_none() && self.angles.iter().any(Vec::is_empty)
     }
 
     /// Whether every start can be improved by trying every place.
@@ -85,14 +96,19 @@ impl IndexTable {
 
     /// The places by attitude; none when there are too many.
     fn attitudes(&self) -> &[Vec<[f64; 3]>] {
-        self.attitudes.get_or_init(|| match self.count() {
-            Some(n) if n <= ALL_PLACES => by_attitude(&self.angles),
-            _ => Vec::new(),
-        })
+        self.attitudes
+            .get_or_init(|| match (&self.list, self.count()) {
+                (Some(list), _) => by_attitude(list.iter().copied()),
+                (None, Some(n)) if n <= ALL_PLACES => by_attitude(combinations(&self.angles)),
+                _ => Vec::new(),
+            })
     }
 
     /// How many places there are.
     fn count(&self) -> Option<usize> {
+        if let Some(list) = &self.list {
+            return Some(list.len());
+        }
         self.angles
             .iter()
             .try_fold(1_usize, |n, axis| n.checked_mul(axis.len()))
@@ -100,6 +116,11 @@ impl IndexTable {
 
     /// About `most` places spread over the table.
     pub fn sample(&self, most: usize) -> Vec<Position> {
+        if let Some(list) = &self.list {
+            let stride = list.len().div_ceil(most).max(1);
+            let some = list.iter().step_by(stride);
+            return some.map(|angles| Position::from_array(*angles)).collect();
+        }
         let count = self.count().unwrap_or(usize::MAX);
         let stride = count.div_ceil(most).max(1);
         // A stride that shares a factor with an axis would leave out some of its angles.
@@ -142,6 +163,9 @@ impl IndexTable {
     /// The nearest setting of each axis; an angle that can be set stays as it is, beyond the
     /// settings listed too (where the step does not divide a turn, more turns have others).
     pub(super) fn snap(&self, platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
+        if let Some(list) = &self.list {
+            return nearest_attitude(list, angles);
+        }
         std::array::from_fn(|axis| {
             let limited = platform.gimbals().ranges[axis].is_some();
             // In whole 1e-9°: of two that are equally near, the lower one.
@@ -153,7 +177,7 @@ impl IndexTable {
             };
             let nearest = self.angles[axis].iter().copied().min_by_key(distance);
             let deg = deg_of_rad(angles[axis]);
-            let can_be_set = || platform.gimbals().refusal(axis, deg).is_none();
+            let can_be_set = || platform.gimbals().allows(axis, deg);
             match nearest {
                 Some(a) if distance(&a) == NanoDegrees::default() || !can_be_set() => a,
                 _ => angles[axis],
@@ -171,7 +195,11 @@ impl IndexTable {
     /// The places that an exchange of position `k` tries.
     fn places(&self, test: &Test, plan: &Plan, k: usize, reach: Reach) -> Vec<[f64; 3]> {
         let angles = plan.angles[k];
-        let all = reach == Reach::All || self.is_coarse();
+        let obstacles = test.platform().obstacles();
+        let is_free = |place: &[f64; 3]| {
+            obstacles.is_empty() || obstacles.allow(Position::from_array(*place).nano())
+        };
+        let all = reach == Reach::All || self.is_coarse() || self.list.is_some();
         if all && !self.attitudes().is_empty() {
             let others = plan.without(k);
             let quickest = |triples: &Vec<[f64; 3]>| {
@@ -182,7 +210,8 @@ impl IndexTable {
                 let best = detours.reduce(|best, d| if d.0 < best.0 { d } else { best });
                 best.map_or(angles, |(_, triple)| triple)
             };
-            return self.attitudes().iter().map(quickest).collect();
+            let places = self.attitudes().iter().map(quickest);
+            return places.filter(is_free).collect();
         }
         let mut places = Vec::new();
         // All combinations of neighbouring settings,
@@ -207,27 +236,48 @@ impl IndexTable {
                 }
             }
         }
+        places.retain(is_free);
         places
     }
 }
 
-/// The triples of a table by the attitude they are.
-fn by_attitude(angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
+/// Every combination of the settings of three axes.
+fn combinations(angles: &[Vec<f64>; 3]) -> impl Iterator<Item = [f64; 3]> + '_ {
+    let [alpha, beta, gamma] = angles;
+    let pairs = alpha
+        .iter()
+        .flat_map(move |a| beta.iter().map(move |b| (*a, *b)));
+    pairs.flat_map(move |(a, b)| gamma.iter().map(move |g| [a, b, *g]))
+}
+
+/// Triples by the attitude they are.
+fn by_attitude(triples: impl Iterator<Item = [f64; 3]>) -> Vec<Vec<[f64; 3]>> {
     let mut known: HashMap<[i64; 3], usize> = HashMap::new();
     let mut attitudes: Vec<Vec<[f64; 3]>> = Vec::new();
-    for &a in &angles[0] {
-        for &b in &angles[1] {
-            for &g in &angles[2] {
-                let key = Position::from_rad(a, b, g).attitude_key();
-                let index = *known.entry(key).or_insert_with(|| {
-                    attitudes.push(Vec::new());
-                    attitudes.len() - 1
-                });
-                attitudes[index].push([a, b, g]);
-            }
-        }
+    for triple in triples {
+        let key = Position::from_array(triple).attitude_key();
+        let index = *known.entry(key).or_insert_with(|| {
+            attitudes.push(Vec::new());
+            attitudes.len() - 1
+        });
+        attitudes[index].push(triple);
     }
     attitudes
+}
+
+/// The position of a list whose attitude is nearest; itself if it is on the list, and of equally near
+/// ones the first.
+fn nearest_attitude(list: &[[f64; 3]], angles: [f64; 3]) -> [f64; 3] {
+    if list.contains(&angles) {
+        return angles;
+    }
+    let matrix = |angles: [f64; 3]| *Position::from_array(angles).attitude().matrix();
+    let wanted = matrix(angles);
+    // tr(AᵀB) = 1 + 2 cos of the angle between two attitudes.
+    let likeness = |listed: &[f64; 3]| wanted.dot(&matrix(*listed));
+    let alike = list.iter().map(|listed| (likeness(listed), *listed));
+    let best = alike.reduce(|best, other| if other.0 > best.0 { other } else { best });
+    best.map_or(angles, |(_, listed)| listed)
 }
 
 /// An angle (rad) in the whole 1e-9° that tell settings apart.
@@ -394,12 +444,11 @@ fn rate_all(context: Context<'_>, plans: Vec<Plan>, smoothing: Smoothing) -> Vec
     }
     // Where something wanders a few at once take hardly longer than one.
     let (test, total_time_s) = (evaluator.test(), context.problem.total_time_s);
-    let plans: Vec<Plan> = plans
+    let fitted = plans
         .into_iter()
-        .filter_map(|plan| plan.fitted(test, total_time_s))
-        .collect();
+        .filter_map(|plan| plan.fitted_timeline(test, total_time_s));
+    let (plans, timelines): (Vec<Plan>, Vec<Timeline>) = fitted.unzip();
     context.work.count_evaluations(plans.len() as u64);
-    let timelines: Vec<Timeline> = plans.iter().map(|plan| plan.timeline(test)).collect();
     let merits = evaluator.merits(&timelines, smoothing);
     let rated = merits.into_iter().zip(plans).filter_map(|(merit, plan)| {
         let merit = merit.ok().filter(|m| m.is_finite())?;

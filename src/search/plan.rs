@@ -1,9 +1,9 @@
 //! Plans: what a search moves.
 
 use super::ways::{in_deg, tidied};
-use crate::attitude::Position;
+use crate::attitude::{Degrees, Position};
 use crate::error::Result;
-use crate::motion::{Test, Timeline};
+use crate::motion::{Place, Test, Timeline, clear_way};
 use crate::schedule::{Schedule, ScheduledPosition};
 
 /// Times that differ by this share of the total are equal but for rounding.
@@ -33,16 +33,25 @@ impl Plan {
 
     /// The positions as a schedule has them.
     pub(super) fn entries(&self) -> impl ExactSizeIterator<Item = ScheduledPosition> + '_ {
+        self.taken_apart().map(|(_, entry)| entry)
+    }
+
+    /// The same, beside each its angles taken apart.
+    fn taken_apart(&self) -> impl ExactSizeIterator<Item = ([Degrees; 3], ScheduledPosition)> + '_ {
         let held = self.angles.iter().zip(&self.dwell_s).zip(&self.ways);
-        held.map(|((angles, &dwell_s), way)| ScheduledPosition {
-            change_deg: way.map(in_deg),
-            ..ScheduledPosition::new(Position::from_array(*angles), dwell_s)
+        held.map(|((angles, &dwell_s), way)| {
+            let (position, exact) = Position::exact_of_array(*angles);
+            let entry = ScheduledPosition {
+                change_deg: way.map(in_deg),
+                ..ScheduledPosition::new(position, dwell_s)
+            };
+            (exact, entry)
         })
     }
 
     /// The plan as a timeline of `test`.
     pub fn timeline(&self, test: &Test) -> Timeline {
-        Timeline::unchecked(test, self.entries())
+        Timeline::through(test, self.taken_apart())
     }
 
     /// The plan as a schedule for `test`: unlimited axes in (−180°, 180°], ways only where
@@ -53,6 +62,24 @@ impl Plan {
     /// As [`Schedule::new`].
     pub fn to_schedule(&self, test: &Test) -> Result<Schedule> {
         Schedule::new(tidied(test, self.entries()))
+    }
+
+    /// The same positions by ways that nothing is in, each the quickest after those before it; none
+    /// where there is no such way.
+    fn cleared(mut self, test: &Test) -> Option<Self> {
+        let platform = test.platform();
+        let mut net = Timeline::wound_before(test);
+        let mut from = test.standing().map(Place::new);
+        for (angles, way) in self.angles.iter().zip(&mut self.ways) {
+            let to = Place::new(Position::from_array(*angles));
+            if let Some(from) = from {
+                let clear = clear_way(platform, &from, &to, way.map(in_deg), Some(net))?;
+                net = std::array::from_fn(|axis| net[axis] + clear[axis].nano);
+                *way = Some(clear.map(Degrees::rad));
+            }
+            from = Some(to);
+        }
+        Some(self)
     }
 
     /// Time in moves and settles, s.
@@ -83,10 +110,27 @@ impl Plan {
 
     /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's
     /// minimum; none when that is impossible.
-    pub fn fitted(mut self, test: &Test, total_time_s: f64) -> Option<Self> {
+    pub fn fitted(self, test: &Test, total_time_s: f64) -> Option<Self> {
+        Some(self.fitted_timeline(test, total_time_s)?.0)
+    }
+
+    /// The same with its timeline, which had to be made to know how long the moves take.
+    pub(super) fn fitted_timeline(
+        mut self,
+        test: &Test,
+        total_time_s: f64,
+    ) -> Option<(Self, Timeline)> {
+        let mut timeline = self.timeline(test);
+        if !timeline.is_clear(test.platform()) {
+            self = self.cleared(test)?;
+            timeline = self.timeline(test);
+            if !timeline.is_clear(test.platform()) {
+                return None;
+            }
+        }
         let min_dwell_s = test.platform().shortest_dwell_s();
         let count = self.angles.len() as f64;
-        let budget = total_time_s - self.overhead_s(test);
+        let budget = total_time_s - timeline.overhead_s();
         let spare = budget - count * min_dwell_s;
         if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
             return None;
@@ -102,6 +146,7 @@ impl Plan {
             let share = if sum > 0.0 { above / sum } else { 1.0 / count };
             *dwell = min_dwell_s + spare * share;
         }
-        Some(self)
+        let timeline = timeline.with_dwells(self.dwell_s.iter().copied());
+        Some((self, timeline))
     }
 }

@@ -14,7 +14,9 @@ use super::still::still;
 use crate::attitude::{Attitude, Position};
 use crate::error::Result;
 use crate::evaluate::Evaluator;
-use crate::motion::{Test, equivalent_positions, gimbal_change, quickest_positions};
+use crate::motion::{
+    Place, Test, Timeline, clear_way, equivalent_positions, gimbal_change, quickest_positions,
+};
 use crate::platform::Platform;
 use crate::schedule::standard::StandardScheme;
 
@@ -96,6 +98,12 @@ fn start(test: &Test, problem: &SearchProblem, k: usize) -> Option<Plan> {
     if platform.motion().slew_rate_rad_per_s.is_some() && k % 2 == 1 {
         order_by_nearest(platform, &mut positions);
     }
+    if platform.obstacles().stop_moves() {
+        positions = passable(test, positions, &mut random);
+    }
+    if positions.is_empty() {
+        return None;
+    }
     positions = quickest_positions(test, &positions);
     let whole = Plan::new(
         positions.iter().map(|p| p.to_array()).collect(),
@@ -118,6 +126,45 @@ fn start(test: &Test, problem: &SearchProblem, k: usize) -> Option<Plan> {
         .find_map(|count| with_room(first_ones(count)))
         .or_else(|| brought_within(test, &whole, with_room))
         .or_else(|| brought_within(test, &whole, full))
+}
+
+/// Positions that can be driven to one after the other, where something stands in the gimbals' way: one
+/// that cannot is exchanged for another, or left out.
+fn passable(test: &Test, positions: Vec<Position>, random: &mut ChaCha8Rng) -> Vec<Position> {
+    let platform = test.platform();
+    let mut net = Timeline::wound_before(test);
+    let mut from = test.standing();
+    let mut kept = Vec::with_capacity(positions.len());
+    for wanted in positions {
+        let mut others = (0..ATTEMPTS).map(|_| random_position(platform, random));
+        let mut reach = |to: Position| {
+            if !platform.obstacles().allow(to.nano()) {
+                return None;
+            }
+            let Some(from) = from else {
+                return Some((to, net));
+            };
+            // By whichever triple there is a way to.
+            equivalent_positions(platform, to)
+                .into_iter()
+                .find_map(|to| {
+                    let way = clear_way(
+                        platform,
+                        &Place::new(from),
+                        &Place::new(to),
+                        None,
+                        Some(net),
+                    )?;
+                    Some((to, std::array::from_fn(|axis| net[axis] + way[axis].nano)))
+                })
+        };
+        if let Some((to, wound)) = reach(wanted).or_else(|| others.find_map(&mut reach)) {
+            kept.push(to);
+            from = Some(to);
+            net = wound;
+        }
+    }
+    kept
 }
 
 /// A rotation drawn from the uniform (Haar) distribution: a normalised quaternion of normals.
@@ -151,12 +198,27 @@ pub(super) fn random_position(platform: &Platform, random: &mut impl Rng) -> Pos
             return position;
         }
     }
-    Position::from_array(std::array::from_fn(|axis| {
-        match platform.gimbals().ranges[axis] {
-            Some(r) => r.low_rad + (r.high_rad - r.low_rad) * random.random_range(0.0..1.0),
-            None => random.random_range(-TAU / 2.0..TAU / 2.0),
+    let mut anywhere = || {
+        Position::from_array(std::array::from_fn(|axis| {
+            match platform.gimbals().ranges[axis] {
+                Some(r) => r.low_rad + (r.high_rad - r.low_rad) * random.random_range(0.0..1.0),
+                None => random.random_range(-TAU / 2.0..TAU / 2.0),
+            }
+        }))
+    };
+    let mut position = anywhere();
+    if let Some(listed) = platform.obstacles().allowed() {
+        return listed[random.random_range(0..listed.len())];
+    }
+    if platform.obstacles().stop_moves() {
+        for _ in 0..ATTEMPTS {
+            if platform.obstacles().at(position.nano()).is_none() {
+                break;
+            }
+            position = anywhere();
         }
-    }))
+    }
+    position
 }
 
 /// The first triple of the same attitude that the platform can take.

@@ -36,9 +36,9 @@ pub(crate) struct Candidate {
 /// The plan stretched or shortened to the total time, with its merit; none when it does not fit.
 pub(super) fn rate(context: Context<'_>, plan: &Plan, smoothing: Smoothing) -> Option<Refined> {
     let test = context.evaluator.test();
-    let plan = plan.clone().fitted(test, context.problem.total_time_s)?;
+    let fitted = plan.clone();
+    let (plan, timeline) = fitted.fitted_timeline(test, context.problem.total_time_s)?;
     context.work.count_evaluations(1);
-    let timeline = plan.timeline(test);
     // Here and wherever plans are tried: one whose merit cannot be computed is no candidate. That
     // none is left is an error of the search, and the winner is evaluated in full.
     let merit = context.evaluator.merit(&timeline, smoothing).ok()?;

@@ -125,11 +125,9 @@ fn estimated(
     }
     let evaluator = context.evaluator;
     let (test, total_time_s) = (evaluator.test(), context.problem.total_time_s);
-    let plans: Vec<Plan> = plans
-        .filter_map(|plan| plan.fitted(test, total_time_s))
-        .collect();
+    let fitted = plans.filter_map(|plan| plan.fitted_timeline(test, total_time_s));
+    let (plans, timelines): (Vec<Plan>, Vec<_>) = fitted.unzip();
     context.work.count_evaluations(plans.len() as u64);
-    let timelines: Vec<_> = plans.iter().map(|plan| plan.timeline(test)).collect();
     let merits = evaluator.merits(&timelines, smoothing);
     // An order whose merit cannot be computed is no candidate.
     let all = merits.into_iter().zip(plans);

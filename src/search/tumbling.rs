@@ -143,7 +143,8 @@ impl TurningVariables<'_> {
 
 impl Coordinates for TurningVariables<'_> {
     fn timeline(&self, x: &[f64]) -> Option<Timeline> {
-        Some(self.decode(x)?.timeline(self.test))
+        let timeline = self.decode(x)?.timeline(self.test);
+        timeline.is_clear(self.test.platform()).then_some(timeline)
     }
 
     fn pull_back(&self, x: &[f64], timeline: &Timeline, legs: &[LegGradient]) -> Vec<f64> {

@@ -7,10 +7,14 @@
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 //! The whole turns of every way stay as they are while the variables move (`super::ways`).
 
+use std::f64::consts::TAU;
+
 use super::plan::Plan;
+use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::motion::{Test, Timeline};
 use crate::platform::{GimbalRange, Platform};
+use crate::units::RAD_PER_DEG;
 
 /// Free variables behind a timeline.
 pub(crate) trait Coordinates {
@@ -69,6 +73,9 @@ impl AngleMap {
 pub struct Variables<'a> {
     test: &'a Test,
     maps: [AngleMap; 3],
+    /// What angles each position has room for, where something stands in the gimbals' way; empty:
+    /// `maps` is for all.
+    rooms: Vec<[AngleMap; 3]>,
     total_time_s: f64,
     /// Dwells that stay as they are; none: dwells vary too.
     fixed_dwell_s: Option<Vec<f64>>,
@@ -83,9 +90,33 @@ impl<'a> Variables<'a> {
         Self {
             test,
             maps: test.platform().gimbals().ranges.map(AngleMap::new),
+            rooms: Vec::new(),
             total_time_s,
             fixed_dwell_s: None,
         }
+    }
+
+    /// The same for plans like `plan`: where something stands in the gimbals' way each position
+    /// keeps to the side of it that it is on, so that no step of an optimiser leads into it. Moves
+    /// are not held by that; a point at which one is stopped has no timeline.
+    pub fn around(mut self, plan: &Plan) -> Self {
+        let platform = self.test.platform();
+        self.rooms = match platform.obstacles().stop_moves() {
+            false => Vec::new(),
+            true => {
+                let unwound = plan.unwound(self.test);
+                unwound
+                    .iter()
+                    .map(|angles| room(platform, *angles))
+                    .collect()
+            }
+        };
+        self
+    }
+
+    /// How the angles of position `k` follow from their variables.
+    fn maps_of(&self, k: usize) -> &[AngleMap; 3] {
+        self.rooms.get(k).unwrap_or(&self.maps)
     }
 
     /// Only the angles vary; for platforms whose moves take no time of their own.
@@ -105,8 +136,9 @@ impl<'a> Variables<'a> {
     pub fn encode(&self, plan: &Plan) -> Vec<f64> {
         let min_dwell_s = self.test.platform().shortest_dwell_s();
         let mut x = Vec::with_capacity(PER_POSITION * plan.angles.len());
-        for (angles, dwell) in plan.unwound(self.test).iter().zip(&plan.dwell_s) {
-            for (map, angle) in self.maps.iter().zip(angles) {
+        let places = plan.unwound(self.test).into_iter().zip(&plan.dwell_s);
+        for (k, (angles, dwell)) in places.enumerate() {
+            for (map, angle) in self.maps_of(k).iter().zip(&angles) {
                 x.push(map.variable(*angle));
             }
             // A dwell at the minimum has z = −∞; a period stands in for zero.
@@ -125,17 +157,25 @@ impl<'a> Variables<'a> {
     fn decode_with_timeline(&self, x: &[f64]) -> Option<(Plan, Timeline)> {
         let angles: Vec<[f64; 3]> = x
             .chunks_exact(PER_POSITION)
-            .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
+            .enumerate()
+            .map(|(k, c)| {
+                let maps = self.maps_of(k);
+                std::array::from_fn(|i| maps[i].angle(c[i]))
+            })
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
             let plan = Plan::of_unwound(self.test, angles, dwell_s.clone());
             let timeline = plan.timeline(self.test);
-            return Some((plan, timeline));
+            let is_clear = timeline.is_clear(self.test.platform());
+            return is_clear.then_some((plan, timeline));
         }
         let count = angles.len();
         let mut plan = Plan::of_unwound(self.test, angles, vec![0.0; count]);
         let min_dwell_s = self.test.platform().shortest_dwell_s();
         let timeline = plan.timeline(self.test);
+        if !timeline.is_clear(self.test.platform()) {
+            return None;
+        }
         let spare = self.total_time_s - timeline.overhead_s() - count as f64 * min_dwell_s;
         if spare.is_nan() || spare <= 0.0 {
             return None;
@@ -187,13 +227,38 @@ impl Coordinates for Variables<'_> {
         let mut gradient = Vec::with_capacity(x.len());
         for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
             for i in 0..3 {
-                gradient.push(angles[held.start + k][i] * self.maps[i].slope(c[i]));
+                gradient.push(angles[held.start + k][i] * self.maps_of(k)[i].slope(c[i]));
             }
             let dwell = legs[held.start + k].dwell_s;
             gradient.push(spare * shares[k] * (dwell - mean_dwell));
         }
         gradient
     }
+}
+
+/// The angles, rad, that each axis of a position can take without entering what stands in the way: a
+/// window of at most a turn, within the range.
+fn room(platform: &Platform, angles: [f64; 3]) -> [AngleMap; 3] {
+    let exact = Position::from_array(angles);
+    let gaps = platform.obstacles().room(exact.nano());
+    std::array::from_fn(|axis| {
+        let range = platform.gimbals().ranges[axis];
+        let [down, up] = gaps[axis].map(|gap| gap.map(|gap| gap.deg() * RAD_PER_DEG));
+        if down.is_none() && up.is_none() {
+            return AngleMap::new(range);
+        }
+        // An unlimited axis has room on both sides or on none.
+        let far = |end: Option<f64>, gap: Option<f64>| match (end, gap) {
+            (Some(end), Some(gap)) => end.min(gap),
+            (end, gap) => end.or(gap).unwrap_or(TAU),
+        };
+        let low = far(range.map(|r| (angles[axis] - r.low_rad).max(0.0)), down);
+        let high = far(range.map(|r| (r.high_rad - angles[axis]).max(0.0)), up);
+        AngleMap::new(Some(GimbalRange {
+            low_rad: angles[axis] - low,
+            high_rad: angles[axis] + high,
+        }))
+    })
 }
 
 /// The place a test returns to is its first position, where the platform has no start: what the

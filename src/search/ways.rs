@@ -59,7 +59,7 @@ pub(super) fn tidied(
             let (given, wrapped) = (p.position.degrees()[axis], exact[axis].wrapped().deg());
             // On an index table whose step does not divide a turn the same direction may be a setting
             // one turn further on only.
-            let can_be_set = platform.gimbals().refusal(axis, wrapped).is_none();
+            let can_be_set = platform.gimbals().allows(axis, wrapped);
             match ranges[axis].is_none() && can_be_set {
                 true => wrapped,
                 false => given,

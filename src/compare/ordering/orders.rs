@@ -57,6 +57,9 @@ impl Orders<'_> {
         };
         let no_time = vec![0.0; order.len()];
         let moving = Timeline::unchecked(test, held(&no_time).into_iter());
+        if !moving.is_clear(test.platform()) {
+            return None;
+        }
         let budget_s = self.total_time_s - moving.overhead_s();
         let dwell_s = vec![budget_s / order.len() as f64; order.len()];
         let dwell_s = whole_periods(
