@@ -193,6 +193,17 @@ pub(super) fn is_list(path: &str) -> bool {
     path == "objective.accept_unobservable"
 }
 
+/// What is given for a key whose type the reader has no words for.
+pub(super) fn example(path: &str) -> Option<&'static str> {
+    match path {
+        "gimbals.forbidden" => {
+            Some("a list of boxes, such as [ { beta_deg = [80, 100] } ], each angle [low, high]")
+        }
+        "gimbals.allowed" => Some("the name of a CSV file, in quotes"),
+        _ => None,
+    }
+}
+
 /// How many elements an array has that is given for this key, and what they are.
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
     if matches!(

@@ -279,7 +279,7 @@ impl<'a> Document<'a> {
     /// A value that does not have the type of its key.
     fn type_error(&self, e: &toml::de::Error) -> Error {
         let (what, expected) = explained(e.message());
-        let error = Error::input(what);
+        let error = Error::input(what.clone());
         let Some((key, place)) = e.span().and_then(|span| self.innermost(span.start)) else {
             return error;
         };
@@ -303,7 +303,9 @@ impl<'a> Document<'a> {
             let error = error.with_allowed(names.join(", "));
             return text::with_nearest(error, bare, choices);
         }
-        if let Some((_, allowed)) = keys::array_shape(key) {
+        if let Some(example) = keys::example(key).filter(|_| !what.contains("unknown field")) {
+            error = error.with_allowed(example);
+        } else if let Some((_, allowed)) = keys::array_shape(key) {
             error = error.with_allowed(allowed);
         } else if let Some(expected) = expected {
             error = error.with_allowed(expected);

@@ -2,7 +2,7 @@
 
 use super::way::way_between;
 use super::{Leg, Place, Test, Timeline};
-use crate::attitude::{Degrees, NanoDegrees, deg_of_rad};
+use crate::attitude::{Degrees, NanoDegrees, Position, deg_of_rad};
 use crate::error::{Error, Result};
 use crate::platform::Platform;
 
@@ -205,6 +205,28 @@ pub(crate) fn clear_way(
         }
     }
     best.map(|(_, way)| way)
+}
+
+/// The ways that lead through these positions with nothing in them, each the quickest after those before
+/// it, the one that is given first of all; none where one cannot be reached. Of each that it is the usual
+/// way is said by none.
+pub(crate) fn clear_ways(
+    test: &Test,
+    positions: impl Iterator<Item = (Position, Option<[f64; 3]>)>,
+) -> Option<Vec<Option<[Degrees; 3]>>> {
+    let mut net = Timeline::wound_before(test);
+    let mut from = test.standing().map(Place::new);
+    let ways = positions.map(|(position, given)| {
+        let to = Place::new(position);
+        let Some(from) = from.replace(to) else {
+            return Some(None);
+        };
+        let way = clear_way(test.platform(), &from, &to, given, Some(net))?;
+        net = std::array::from_fn(|axis| net[axis] + way[axis].nano);
+        let usual = way_between(test.platform(), from.angles, to.angles, None);
+        Some((way != usual).then_some(way))
+    });
+    ways.collect()
 }
 
 /// Angle that the slowest axis turns, in whole 1e-9° so that equal ways are equally long.

@@ -19,7 +19,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::{MAX_DURATION_S, Schedule, ScheduledPosition, text};
 use crate::attitude::{Attitude, EAST, NORTH, Position};
 use crate::error::{Error, Result};
-use crate::motion::{Test, Timeline, quickest_positions};
+use crate::motion::{Test, Timeline, clear_ways, quickest_positions};
 
 /// A built-in scheme.
 ///
@@ -172,10 +172,18 @@ impl StandardScheme {
             ));
         }
         let positions = quickest_positions(test, &self.positions());
+        // Where there is no way past what stands in the gimbals' way, the usual one is refused.
+        let ways = match test.platform().obstacles().stop_moves() {
+            true => clear_ways(test, positions.iter().map(|p| (*p, None))),
+            false => None,
+        };
+        let ways = ways.unwrap_or_else(|| vec![None; positions.len()]);
         let held_for = |dwell_s: f64| {
-            let held = positions
-                .iter()
-                .map(|p| ScheduledPosition::new(*p, dwell_s));
+            let held = positions.iter().zip(&ways);
+            let held = held.map(|(p, way)| ScheduledPosition {
+                change_deg: way.map(|way| way.map(Degrees::deg)),
+                ..ScheduledPosition::new(*p, dwell_s)
+            });
             Schedule::new(held.collect())
         };
         let overhead_s = Timeline::new(test, &held_for(0.0)?)

@@ -3,7 +3,7 @@
 use super::ways::{in_deg, tidied};
 use crate::attitude::{Degrees, Position};
 use crate::error::Result;
-use crate::motion::{Place, Test, Timeline, clear_way};
+use crate::motion::{Test, Timeline, clear_ways};
 use crate::schedule::{Schedule, ScheduledPosition};
 
 /// Times that differ by this share of the total are equal but for rounding.
@@ -67,18 +67,11 @@ impl Plan {
     /// The same positions by ways that nothing is in, each the quickest after those before it; none
     /// where there is no such way.
     fn cleared(mut self, test: &Test) -> Option<Self> {
-        let platform = test.platform();
-        let mut net = Timeline::wound_before(test);
-        let mut from = test.standing().map(Place::new);
-        for (angles, way) in self.angles.iter().zip(&mut self.ways) {
-            let to = Place::new(Position::from_array(*angles));
-            if let Some(from) = from {
-                let clear = clear_way(platform, &from, &to, way.map(in_deg), Some(net))?;
-                net = std::array::from_fn(|axis| net[axis] + clear[axis].nano);
-                *way = Some(clear.map(Degrees::rad));
-            }
-            from = Some(to);
-        }
+        let entries = self.entries().map(|p| (p.position, p.change_deg));
+        let ways = clear_ways(test, entries)?.into_iter();
+        self.ways = ways
+            .map(|way| way.map(|way| way.map(Degrees::rad)))
+            .collect();
         Some(self)
     }
 

@@ -27,6 +27,7 @@ mod limits;
 mod named;
 mod near_aligned;
 mod observability;
+mod obstacles;
 mod odd_platforms;
 mod physics;
 mod precision;
