@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{Position, earth_rate_n};
+use crate::attitude::{Position, Stand, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::model::{Colour, ErrorModel};
@@ -17,10 +17,12 @@ mod axis_value;
 mod colour;
 mod errors;
 mod gimbals;
+mod stand;
 pub use axis_value::{AxisValue, GSensitivePrior};
 pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};
+pub use stand::StandConfig;
 
 /// Where the test stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,6 +126,11 @@ pub struct GimbalsConfig {
     /// Index table: positions only at multiples of this, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_deg: Option<f64>,
+    /// Platform axes that the outer, middle and inner gimbal turn about at zero angles, `"+x"` to `"-z"`:
+    /// the sign is the sense of a positive angle, right-handed; none: `["-x", "-y", "-z"]`, the seed
+    /// paper's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<[String; 3]>,
 }
 
 /// How a change of position is modelled.
@@ -187,6 +194,9 @@ pub struct PlatformConfig {
     pub prior: PriorConfig,
     /// What the gimbals allow.
     pub gimbals: GimbalsConfig,
+    /// How the base of the stand is set up.
+    #[serde(skip_serializing_if = "StandConfig::is_empty")]
+    pub stand: StandConfig,
     /// How the platform moves.
     pub motion: MotionConfig,
     /// An azimuth reference.
@@ -271,6 +281,7 @@ pub struct Platform {
     pub(crate) errors: ErrorModel,
     pub(crate) azimuth_noise_rad: Option<f64>,
     pub(crate) gimbals: Gimbals,
+    pub(crate) stand: Stand,
     pub(crate) motion: Motion,
 }
 
@@ -342,6 +353,10 @@ impl Platform {
     pub fn gimbals(&self) -> &Gimbals {
         &self.gimbals
     }
+    /// How the gimbals are hung and the base stands: what attitude their angles are.
+    pub fn stand(&self) -> &Stand {
+        &self.stand
+    }
     /// The motion between positions.
     pub fn motion(&self) -> &Motion {
         &self.motion
@@ -398,6 +413,7 @@ impl PlatformConfig {
             azimuth_noise_rad: self.azimuth.check()?,
             motion: self.motion.check(&gimbals)?,
             gimbals,
+            stand: self.stand.check(self.gimbals.axes.as_ref())?,
         })
     }
 }

@@ -9,8 +9,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Vector3;
 
-use crate::attitude::{Attitude, NanoDegrees, Position, decimal};
-use crate::platform::{GimbalRange, Gimbals, Motion, multiples};
+use crate::attitude::{Attitude, NanoDegrees, Position, Stand, decimal};
+use crate::platform::{GimbalRange, Gimbals, Platform, multiples};
 
 /// Spacing of the rings, rad: about 18 000 directions.
 const SPACING: f64 = 1.5 * PI / 180.0;
@@ -129,17 +129,19 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    pub fn new(gimbals: &Gimbals, motion: &Motion) -> Self {
+    pub fn new(platform: &Platform) -> Self {
+        let (gimbals, motion) = (platform.gimbals(), platform.motion());
+        let stand = platform.stand();
         let sphere = Sphere::new(SPACING);
         // A move that takes time passes between the table's positions, and the drift integrates
         // meanwhile.
         let table = match (gimbals.step_deg(), motion.slew_rate_rad_per_s) {
-            (Some(step), None) => table(gimbals, step),
+            (Some(step), None) => table(stand, gimbals, step),
             _ => None,
         };
         let allowed = match table {
             Some(attitudes) => Allowed::Table(attitudes),
-            None => cover(&sphere, gimbals),
+            None => cover(&sphere, stand, gimbals),
         };
         Self { sphere, allowed }
     }
@@ -173,8 +175,8 @@ fn turned(range: Option<GimbalRange>) -> (f64, f64) {
 }
 
 /// The directions within the ranges, covered as finely as their share of the sphere allows.
-fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
-    let marks = marked(coarse, SPACING, gimbals);
+fn cover(coarse: &Sphere, stand: &Stand, gimbals: &Gimbals) -> Allowed {
+    let marks = marked(coarse, SPACING, stand, gimbals);
     let count = marks.iter().filter(|m| **m).count();
     if count == marks.len() {
         return Allowed::Everything;
@@ -182,28 +184,37 @@ fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
     let share = count as f64 / marks.len() as f64;
     let spacing = (SPACING * share.sqrt()).max(FINEST);
     let fine = Sphere::new(spacing);
-    let marks = marked(&fine, spacing, gimbals);
-    let kept = fine.directions.iter().zip(marks);
+    let marks = marked(&fine, spacing, stand, gimbals);
+    let kept = fine.directions.iter().zip(marks).filter(|(_, m)| *m);
+    let in_platform = |d: &Vector3<f64>| match stand.frame() {
+        None => *d,
+        Some(frame) => frame.right.transpose() * d,
+    };
     Allowed::Cover {
-        directions: kept.filter(|(_, m)| *m).map(|(d, _)| *d).collect(),
+        directions: kept.map(|(d, _)| in_platform(d)).collect(),
         radius: fine.radius,
     }
 }
 
-/// The grid directions within reach of an allowed one. g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns
-/// about the rings' axis, so each (α, β) gives an arc.
-fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
+/// The grid directions within reach of an allowed one, in the axes of the paper's sequence (R g^c of
+/// [`Stand`]). On the paper's stand g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns about the rings' axis, so
+/// each (α, β) gives an arc; on any other stand so do α and β of the stand, by its sense of γ.
+fn marked(sphere: &Sphere, spacing: f64, stand: &Stand, gimbals: &Gimbals) -> Vec<bool> {
     let [alpha, beta, gamma] = gimbals.ranges;
     let area = turned(alpha).1 * turned(beta).1;
     let step = (SAMPLE * spacing).max((area / MOST_SAMPLES).sqrt());
     let (alphas, half_alpha) = samples(alpha, step);
     let (betas, half_beta) = samples(beta, step);
     let (from, length) = turned(gamma);
+    let from = match stand.frame() {
+        Some(frame) if frame.gamma < 0.0 => -(from + length),
+        _ => from,
+    };
     let reach = half_alpha + half_beta + sphere.radius + 1e-9;
     let mut marks = vec![false; sphere.directions.len()];
     for &alpha in &alphas {
         for &beta in &betas {
-            let g = Position::from_rad(alpha, beta, 0.0).attitude().gravity_c();
+            let g = stand.gravity_before_gamma(alpha, beta);
             let colatitude = libm::acos(g.z.clamp(-1.0, 1.0));
             let azimuth = libm::atan2(g.y, g.x);
             sphere.mark(&mut marks, colatitude, azimuth + from, length, reach);
@@ -217,7 +228,7 @@ fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
 
 /// The attitudes of an index table of `step` degrees within the ranges; none when there are too
 /// many, or none.
-fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
+fn table(stand: &Stand, gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
     let axes: Vec<Vec<f64>> = gimbals
         .ranges
         .iter()
@@ -238,9 +249,9 @@ fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
             }
         }
     }
-    positions.sort_by_cached_key(|p| p.attitude_key());
-    positions.dedup_by_key(|p| p.attitude_key());
-    Some(positions.into_iter().map(Position::attitude).collect())
+    positions.sort_by_cached_key(|p| stand.attitude_key(*p));
+    positions.dedup_by_key(|p| stand.attitude_key(*p));
+    Some(positions.into_iter().map(|p| stand.attitude(p)).collect())
 }
 
 /// Multiples of the step within a range, degrees; on an unlimited axis those of one turn. One
@@ -269,7 +280,7 @@ mod tests {
         let mut config = PlatformConfig::default();
         change(&mut config);
         let platform = config.check().unwrap();
-        Directions::new(platform.gimbals(), platform.motion())
+        Directions::new(&platform)
     }
 
     fn is_everything(directions: &Directions) -> bool {
@@ -362,7 +373,7 @@ mod tests {
             config.gimbals.beta_deg = Some(ranges[1]);
             config.gimbals.gamma_deg = Some(ranges[2]);
             let platform = config.check().unwrap();
-            let marks = marked(&sphere, 0.2, platform.gimbals());
+            let marks = marked(&sphere, 0.2, platform.stand(), platform.gimbals());
             let grid = sphere.directions.iter().zip(&marks);
             let kept: Vec<&Vector3<f64>> = grid.filter(|(_, m)| **m).map(|(d, _)| d).collect();
             let mut allowed = Vec::new();

@@ -90,6 +90,9 @@ const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("gimbals.beta_deg", Assumed),
     ("gimbals.gamma_deg", Assumed),
     ("gimbals.step_deg", Assumed),
+    ("gimbals.axes", Nothing),
+    ("stand.heading_deg", Nothing),
+    ("stand.tilt_deg", Nothing),
     ("motion.repositioning", Assumed),
     ("motion.slew_rate_deg_per_s", Assumed),
     ("motion.settle_s", Assumed),
@@ -192,7 +195,11 @@ pub(super) fn is_list(path: &str) -> bool {
 
 /// How many elements an array has that is given for this key, and what they are.
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
-    if path.starts_with("gimbals.") && path != "gimbals.step_deg" {
+    if path == "gimbals.axes" {
+        Some((3, "three axes such as [\"-x\", \"-y\", \"-z\"]"))
+    } else if path == "stand.tilt_deg" {
+        Some((2, "two angles [about x, about z]"))
+    } else if path.starts_with("gimbals.") && path != "gimbals.step_deg" {
         Some((2, "two numbers [low, high]"))
     } else if path == "motion.start_deg" {
         Some((3, "three angles [alpha, beta, gamma]"))
@@ -234,6 +241,7 @@ mod tests {
                 "filter",
                 "prior",
                 "gimbals",
+                "stand",
                 "motion",
                 "azimuth",
                 "errors",

@@ -70,7 +70,7 @@ fn a_fault_planted_in_the_filter_is_refused_by_name() {
     }
     // The order of the turns.
     named(&refused(Instrument {
-        turns: [2, 1, 0],
+        gimbals: [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]],
         ..Instrument::PAPER
     }));
     // A measurement at the end of a rest that is shorter than a period.
@@ -207,7 +207,7 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
     assert!(evaluator().evaluate(&schedule()).unwrap().agreement < 1e-7);
     // The paper's mounting, and the turns of the gimbals in another order.
     let wrong = Instrument {
-        turns: [2, 1, 0],
+        gimbals: [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]],
         ..Instrument::of(evaluator().test().platform())
     };
     for wrong in [Instrument::PAPER, wrong] {

@@ -20,7 +20,7 @@ use super::fit::brought_within;
 use super::plan::Plan;
 use super::rated::{Candidate, Refined, rate};
 use super::workshop::Workshop;
-use crate::attitude::{NanoDegrees, Position, deg_of_rad};
+use crate::attitude::{NanoDegrees, Position, Stand, deg_of_rad};
 use crate::criterion::Smoothing;
 use crate::motion::{Test, Timeline};
 use crate::platform::Platform;
@@ -54,6 +54,7 @@ enum Reach {
 /// The angles each axis can be set to, rad.
 #[derive(Debug, Clone)]
 pub(super) struct IndexTable {
+    stand: Stand,
     angles: [Vec<f64>; 3],
     /// The places by attitude, each with all its triples; empty when there are too many. Worked
     /// out when first wanted: few users of a table ask for them.
@@ -68,6 +69,7 @@ impl IndexTable {
             Some(deg.map(|deg| deg * RAD_PER_DEG).collect())
         };
         Some(Self {
+            stand: *platform.stand(),
             angles: [settings(0)?, settings(1)?, settings(2)?],
             attitudes: OnceLock::new(),
         })
@@ -86,7 +88,7 @@ impl IndexTable {
     /// The places by attitude; none when there are too many.
     fn attitudes(&self) -> &[Vec<[f64; 3]>] {
         self.attitudes.get_or_init(|| match self.count() {
-            Some(n) if n <= ALL_PLACES => by_attitude(&self.angles),
+            Some(n) if n <= ALL_PLACES => by_attitude(&self.stand, &self.angles),
             _ => Vec::new(),
         })
     }
@@ -212,13 +214,13 @@ impl IndexTable {
 }
 
 /// The triples of a table by the attitude they are.
-fn by_attitude(angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
+fn by_attitude(stand: &Stand, angles: &[Vec<f64>; 3]) -> Vec<Vec<[f64; 3]>> {
     let mut known: HashMap<[i64; 3], usize> = HashMap::new();
     let mut attitudes: Vec<Vec<[f64; 3]>> = Vec::new();
     for &a in &angles[0] {
         for &b in &angles[1] {
             for &g in &angles[2] {
-                let key = Position::from_rad(a, b, g).attitude_key();
+                let key = stand.attitude_key(Position::from_rad(a, b, g));
                 let index = *known.entry(key).or_insert_with(|| {
                     attitudes.push(Vec::new());
                     attitudes.len() - 1

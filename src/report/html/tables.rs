@@ -43,7 +43,7 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
             _ => "return".to_owned(),
         };
         let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
-        let g = gravity(leg.position);
+        let g = gravity(&leg.attitude);
         let move_s = leg.arrival.map_or_else(
             || NONE.to_owned(),
             |m| match (frame_hold, m.measured) {
