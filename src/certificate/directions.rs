@@ -275,6 +275,7 @@ fn settings(range: Option<GimbalRange>, step: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::platform::PlatformConfig;
+    use nalgebra::Matrix3;
 
     fn directions(change: impl FnOnce(&mut PlatformConfig)) -> Directions {
         let mut config = PlatformConfig::default();
@@ -360,22 +361,39 @@ mod tests {
     #[test]
     fn the_marks_hold_every_allowed_direction_of_any_stand() {
         let sphere = Sphere::new(0.2);
-        for ranges in [
+        let stands = [
+            (["-x", "-y", "-z"], 0.0, [0.0; 2]),
+            (["-x", "-y", "-z"], 20.0, [15.0, -40.0]),
+            (["+y", "+x", "-z"], -70.0, [0.0; 2]),
+            (["+z", "-x", "+z"], 110.0, [-5.0, 8.0]),
+            (["+x", "+z", "-x"], 0.0, [0.0, 90.0]),
+            (["-z", "+y", "+x"], 0.0, [0.0; 2]),
+        ];
+        for (at, ranges) in [
             [[-30.0, 50.0], [-20.0, 60.0], [-40.0, 100.0]],
             [[80.0, 100.0], [-10.0, 10.0], [-180.0, -150.0]],
             [[-100.0, -60.0], [70.0, 110.0], [150.0, 210.0]],
             [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]],
             [[-5.0, 5.0], [-170.0, 170.0], [0.0, 20.0]],
             [[100.0, 300.0], [-3.0, 3.0], [-90.0, -60.0]],
-        ] {
+        ]
+        .into_iter()
+        .flat_map(|ranges| stands.map(|stand| (stand, ranges)))
+        {
+            let (axes, heading_deg, tilt_deg) = at;
             let mut config = PlatformConfig::default();
+            config.gimbals.axes = Some(axes.map(str::to_owned));
+            config.stand.heading_deg = Some(heading_deg);
+            config.stand.tilt_deg = Some(tilt_deg);
             config.gimbals.alpha_deg = Some(ranges[0]);
             config.gimbals.beta_deg = Some(ranges[1]);
             config.gimbals.gamma_deg = Some(ranges[2]);
             let platform = config.check().unwrap();
             let marks = marked(&sphere, 0.2, platform.stand(), platform.gimbals());
-            let grid = sphere.directions.iter().zip(&marks);
-            let kept: Vec<&Vector3<f64>> = grid.filter(|(_, m)| **m).map(|(d, _)| d).collect();
+            let stand = platform.stand();
+            let right = stand.frame().map_or_else(Matrix3::identity, |f| f.right);
+            let grid = sphere.directions.iter().zip(&marks).filter(|(_, m)| **m);
+            let kept: Vec<Vector3<f64>> = grid.map(|(d, _)| right.transpose() * d).collect();
             let mut allowed = Vec::new();
             for i in 0..4000 {
                 // Beyond both ends and cut: a good part lies in faces, edges and corners.
@@ -386,18 +404,19 @@ mod tests {
                 };
                 let [a, b] = [angle(0, 0.819_172_513), angle(1, 0.671_043_607)];
                 let c = angle(2, 0.549_700_478);
-                allowed.push(Position::from_deg(a, b, c).attitude().gravity_c());
+                let p = Position::from_deg(a, b, c);
+                allowed.push(stand.attitude(p).gravity_c());
             }
             for g in &allowed {
                 let nearest = kept.iter().map(|d| d.dot(g)).fold(-1.0, f64::max);
                 assert!(
                     nearest.min(1.0).acos() <= sphere.radius + 1e-7,
-                    "{ranges:?}"
+                    "{at:?} {ranges:?}"
                 );
             }
             // What is marked is not far from something allowed: the grid's radius, the samples'
             // spacing and a ring's step at most.
-            for d in kept {
+            for d in &kept {
                 let nearest = allowed.iter().map(|g| d.dot(g)).fold(-1.0, f64::max);
                 assert!(nearest.min(1.0).acos() <= 0.75, "{ranges:?} {d}");
             }

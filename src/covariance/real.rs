@@ -279,10 +279,9 @@ mod tests {
                 assert!((a.0 - b).abs() < 1e-15);
             }
             assert_eq!(of(far), a);
-            let mut exact = of(axes)
-                .into_iter()
-                .map(|v| v.0 == v.0.round() && v.1 == 0.0);
-            assert!(stand.heading_deg() == 33.3 || exact.all(|exact| exact));
+            let axes = of(axes);
+            let exact = axes.iter().all(|v| v.0 == v.0.round() && v.1 == 0.0);
+            assert_eq!(exact, stand.heading_deg() != 33.3);
         }
     }
 }
