@@ -14,11 +14,13 @@ use crate::model::{Colour, ErrorModel};
 use crate::units::{Angle, AngularRate};
 
 mod axis_value;
+mod check;
 mod colour;
 mod errors;
 mod gimbals;
 mod stand;
 pub use axis_value::{AxisValue, GSensitivePrior};
+pub use check::CheckPosition;
 pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};

@@ -385,3 +385,16 @@ fn an_index_table_of_another_order_is_searched() {
     let rms = found.evaluation.rms_sigma_deg_per_h();
     assert!(rms < 0.8 * faces.rms_sigma_deg_per_h(), "{rms}");
 }
+
+/// docs/angles.md shows what the program draws.
+#[cfg(feature = "report")]
+#[test]
+fn the_picture_of_the_guide_is_fresh() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/figures/angles.svg");
+    let drawn =
+        scheme_opt::internals::report::angles::picture(&PlatformConfig::default().check().unwrap());
+    assert!(
+        std::fs::read_to_string(path).unwrap() == drawn,
+        "stale: cargo run --release --example 13_angles_and_axes -- docs/figures"
+    );
+}
