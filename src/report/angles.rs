@@ -11,6 +11,7 @@ use super::figure::draw::{Area, Drawn, line, text, units};
 use super::figure::{Color, Dash};
 use crate::attitude::{Position, SignedAxis};
 use crate::platform::{CheckPosition, Platform};
+use crate::wording::fixed;
 
 /// Names of the gimbals, outer to inner.
 pub(crate) const GIMBALS: [&str; 3] = ["outer", "middle", "inner"];
@@ -20,7 +21,7 @@ pub(crate) const ANGLES: [&str; 3] = ["α", "β", "γ"];
 /// Size of a panel, pixels, and of a unit of length in it.
 const WIDTH: f64 = 350.0;
 const HEIGHT: f64 = 310.0;
-const SCALE: f64 = 92.0;
+const SCALE: f64 = 98.0;
 /// Height of a line of text.
 const LINE: f64 = 17.0;
 
@@ -116,7 +117,7 @@ pub(crate) fn signed(axis: SignedAxis) -> String {
 
 /// Three numbers with a comma between, three decimals.
 pub(crate) fn reading(f: [f64; 3]) -> String {
-    let numbers = f.map(|v| format!("{:.3}", v + 0.0).replace('-', "−"));
+    let numbers = f.map(|v| fixed(v, 3).replace('-', "−"));
     format!("({})", numbers.join(", "))
 }
 
@@ -141,9 +142,9 @@ struct View<'a> {
 const HEAD: [f64; 2] = [0.8, 1.8];
 
 impl View<'_> {
-    /// A point of n (North, Up, East), seen from the south-east and above.
+    /// A point of n (North, Up, East), seen from the south-west and above.
     fn at(&self, p: &Vector3<f64>) -> (i32, i32) {
-        let from = Vector3::new(-0.72, 0.42, 0.55).normalize();
+        let from = Vector3::new(-0.78, 0.42, -0.46).normalize();
         let right = Vector3::y().cross(&from).normalize();
         let up = from.cross(&right);
         let [x, y] = self.middle;
@@ -211,9 +212,9 @@ impl View<'_> {
     fn frame(&self) -> Drawn {
         for (axis, name) in [(0, "North"), (1, "Up"), (2, "East")] {
             let mut direction = Vector3::zeros();
-            direction[axis] = 1.16;
+            direction[axis] = 1.28;
             self.arrow(&direction, THIN, 1.0, Dash::Dashed)?;
-            self.name(&(direction * 1.09), name, DARK, 11.0)?;
+            self.name(&(direction * 1.1), name, DARK, 11.0)?;
         }
         Ok(())
     }

@@ -440,7 +440,7 @@ fn angle_blocks(subject: &Subject) -> Vec<Block> {
         Block::Wide {
             caption:
                 "The gimbals, and for each of them the platform before (dashed) and after a turn \
-                      of its angle, seen from the south-east and above."
+                      of its angle, seen from the south-west and above."
                     .to_owned(),
             svg: angles::picture(platform),
         },

@@ -13,7 +13,7 @@ use crate::results::{
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
-use crate::wording::{number, optional, seconds, separability};
+use crate::wording::{fixed, number, optional, seconds, separability};
 
 use super::blocks::HtmlTable;
 use super::pictures::gravity;
@@ -44,7 +44,7 @@ pub(super) fn check_positions(platform: &Platform) -> HtmlTable {
             },
         );
         let angles = check.position.to_deg().map(|deg| (deg + 0.0).to_string());
-        let force = check.specific_force_g.map(|f| format!("{f:.5}"));
+        let force = check.specific_force_g.map(|f| fixed(f, 5));
         let cells = [vec![shows], angles.to_vec(), force.to_vec()];
         cells.concat()
     });
