@@ -5,7 +5,8 @@
 //! - **n**: local geographic, North – Up – East (x, y, z).
 //! - **c**: the computed platform frame; **p**: the true platform.
 //!
-//! A position is the Euler triple of (19), `C_c^n = Mx(α) My(β) Mz(γ)`: it takes components in
+//! A position is a triple of gimbal angles. What attitude it is depends on the [`Stand`]. On the paper's
+//! it is the Euler triple of (19), `C_c^n = Mx(α) My(β) Mz(γ)`: it takes components in
 //! c to components in n. `Mx, My, Mz` are frame (passive) rotations,
 //!
 //! ```text
@@ -23,10 +24,13 @@
 //! `dMx/dα = −[e_x×] Mx`, and `M [v×] = [(M v)×] M` for a rotation M.
 
 mod degrees;
+mod stand;
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 pub(crate) use degrees::{Degrees, NanoDegrees, decimal, deg_of_rad};
+pub(crate) use stand::StandFrame;
+pub use stand::{SignedAxis, Stand};
 
 use crate::units::{EARTH_RATE_RAD_PER_S, RAD_PER_DEG};
 
@@ -50,8 +54,8 @@ pub fn earth_rate_n(latitude_rad: f64) -> Vector3<f64> {
     EARTH_RATE_RAD_PER_S * Vector3::new(cos_l, sin_l, 0.0)
 }
 
-/// A position of the platform: the Euler angles (α, β, γ) of (19), α the outer one about x of n,
-/// γ the inner one about z of the platform.
+/// A position of the platform: the angles (α, β, γ) of the outer, middle and inner gimbal; on the paper's
+/// stand those of (19), α about x of n, γ about z of the platform.
 ///
 /// The angles are held in degrees as they were given, because what is a half turn, or the same
 /// angle, is only exact there; two positions are equal when their angles are.
@@ -136,26 +140,32 @@ impl Position {
         Degrees::new(self.deg[0]).sine_cosine()
     }
 
-    /// What tells the attitudes of positions apart, to the 1e-9° that files carry: the angles of
-    /// the triple with β in ±90°, without whole turns; at β = ±90°, where only α ∓ γ counts, the
-    /// one with γ = 0.
+    /// What tells the attitudes of positions on the paper's stand apart, to the 1e-9° that files carry:
+    /// the angles of the triple with β in ±90°, without whole turns; at β = ±90°, where only α ∓ γ
+    /// counts, the one with γ = 0.
     pub(crate) fn attitude_key(self) -> [i64; 3] {
-        let [mut a, mut b, mut g] = self.nano().map(NanoDegrees::wrapped);
-        let (quarter, half) = (NanoDegrees::QUARTER_TURN, NanoDegrees::HALF_TURN);
-        if b.abs() > quarter {
-            (a, b, g) = (a + half, half - b, g + half);
-        }
-        if b.abs() == quarter {
-            let lost = if b > NanoDegrees::default() { -g } else { g };
-            (a, g) = (a + lost, NanoDegrees::default());
-        }
-        [a, b, g].map(|angle| angle.wrapped().count())
+        key_of(self.nano())
     }
 
-    /// The attitude C_c^n of this position, (19).
+    /// The attitude C_c^n of this position on the paper's stand, (19); on any other see
+    /// [`Stand::attitude`].
     pub fn attitude(self) -> Attitude {
         Attitude::of_angles(self.exact())
     }
+}
+
+/// [`Position::attitude_key`] of the angles (α, β, γ).
+fn key_of(angles: [NanoDegrees; 3]) -> [i64; 3] {
+    let [mut a, mut b, mut g] = angles.map(NanoDegrees::wrapped);
+    let (quarter, half) = (NanoDegrees::QUARTER_TURN, NanoDegrees::HALF_TURN);
+    if b.abs() > quarter {
+        (a, b, g) = (a + half, half - b, g + half);
+    }
+    if b.abs() == quarter {
+        let lost = if b > NanoDegrees::default() { -g } else { g };
+        (a, g) = (a + lost, NanoDegrees::default());
+    }
+    [a, b, g].map(|angle| angle.wrapped().count())
 }
 
 /// (sin, cos) of three angles.
@@ -212,6 +222,11 @@ impl Attitude {
         Some(Self(turn.matrix() * start))
     }
 
+    /// The same turned by a rotation in n: `frame` C_c^n.
+    pub(crate) fn turned(&self, frame: &Matrix3<f64>) -> Self {
+        Self(frame * self.0)
+    }
+
     /// The matrix C_c^n.
     pub const fn matrix(&self) -> &Matrix3<f64> {
         &self.0
@@ -228,7 +243,7 @@ impl Attitude {
         std::array::from_fn(|axis| self.0[(UP, axis)])
     }
 
-    /// One Euler triple of this attitude, β in [−90°, 90°], half turns positive. At β = ±90° only
+    /// One Euler triple of this attitude on the paper's stand, β in [−90°, 90°], half turns positive. At β = ±90° only
     /// α ∓ γ is determined; γ is then set to zero.
     pub fn position(&self) -> Position {
         let c = &self.0;
@@ -255,14 +270,20 @@ impl Attitude {
     /// Reverse mode of [`Position::attitude`]: given ∂f/∂C at `position`, ∂f/∂(α, β, γ).
     /// From `dC = −[φ×] C`: ∂f/∂φ = −Σ_j C_j × C̄_j over the columns.
     pub fn angle_adjoint(&self, position: Position, c_adjoint: &Matrix3<f64>) -> [f64; 3] {
+        self.pull(self.rotation_axes(position), c_adjoint)
+    }
+
+    /// ∂f/∂C to the angles that turn about `axes`, against them.
+    fn pull(&self, axes: [Vector3<f64>; 3], c_adjoint: &Matrix3<f64>) -> [f64; 3] {
         let mut torque = Vector3::zeros();
         for j in 0..3 {
             torque += self.0.column(j).cross(&c_adjoint.column(j));
         }
-        self.rotation_axes(position).map(|axis| -axis.dot(&torque))
+        axes.map(|axis| -axis.dot(&torque))
     }
 
-    /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position`, see the module text.
+    /// The axes φ_α, φ_β, φ_γ (in n) of `dC = −[φ×] C` at this `position` on the paper's stand, see
+    /// the module text.
     pub fn rotation_axes(&self, position: Position) -> [Vector3<f64>; 3] {
         let (sa, ca) = position.sines_of_alpha();
         [

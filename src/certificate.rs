@@ -130,7 +130,7 @@ pub struct Bound {
 impl Certifier {
     /// For schedules on `platform`.
     pub fn new(platform: &Platform) -> Self {
-        let directions = Directions::new(platform.gimbals(), platform.motion());
+        let directions = Directions::new(platform);
         let limited = matches!(directions.allowed, Allowed::Cover { .. });
         Self {
             conditions: Conditions::new(platform),

@@ -8,8 +8,8 @@
 //! move:           ω_c = C_n^c ω_ie^n + C_n^c ω_nc^n      (the same plus the slew)
 //! ```
 //!
-//! with ω_nc^n = −(e_x α̇ + Mx(α) e_y β̇ + C_c^n e_z γ̇), from `dC = −[φ×] C`
-//! ([`attitude`](crate::attitude)) and `Ċ_c^n = [ω_nc^n ×] C_c^n`. The gimbal rates are constant
+//! with ω_nc^n = −(φ_α α̇ + φ_β β̇ + φ_γ γ̇), from `dC = −[φ×] C` (on the paper's stand
+//! e_x, Mx(α) e_y and C_c^n e_z; [`attitude`](crate::attitude)) and `Ċ_c^n = [ω_nc^n ×] C_c^n`. The gimbal rates are constant
 //! during a move, ω_c is not; a move is therefore cut into steps of a few degrees, and each step
 //! has *the* constant rate that takes the attitude at its start to the attitude at its end,
 //!
@@ -29,7 +29,7 @@ use std::fmt::Write;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 
-use crate::attitude::{Attitude, Position};
+use crate::attitude::{Attitude, Position, Stand};
 use crate::error::{Error, Result};
 use crate::motion::{Leg, Timeline};
 use crate::platform::Platform;
@@ -167,6 +167,7 @@ impl CommandTable {
         }
         let mut builder = TableBuilder {
             earth_rate_n: platform.earth_rate_n(),
+            stand: *platform.stand(),
             step,
             time_s: 0.0,
             commands: Vec::new(),
@@ -327,6 +328,7 @@ impl CommandDocument {
 
 struct TableBuilder {
     earth_rate_n: Vector3<f64>,
+    stand: Stand,
     step: f64,
     time_s: f64,
     commands: Vec<Command>,
@@ -374,7 +376,7 @@ impl TableBuilder {
     ) {
         let takes_time = duration_s > 0.0;
         let rates = || std::array::from_fn(|i| (to[i] - from[i]) / duration_s);
-        let attitude = |angles| Position::from_array(angles).attitude();
+        let attitude = |angles| self.stand.attitude(Position::from_array(angles));
         let omega = || self.constant_rate(&attitude(from), &attitude(to), duration_s, from == to);
         self.commands.push(Command {
             start_s: self.time_s,

@@ -373,6 +373,9 @@ mod tests {
         gimbals.beta_deg = Some([0.0, 1.0]);
         gimbals.gamma_deg = Some([0.0, 1.0]);
         gimbals.step_deg = Some(1.0);
+        gimbals.axes = Some(["-x", "-y", "-z"].map(str::to_owned));
+        c.platform.stand.heading_deg = Some(0.0);
+        c.platform.stand.tilt_deg = Some([0.0; 2]);
         let axis = |name: &str| Some(OutputAxis::Named(name.to_owned()));
         let output = &mut c.platform.gyro.output_axis;
         (output.x, output.y, output.z) = (axis("+y"), axis("+z"), axis("+x"));

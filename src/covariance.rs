@@ -39,7 +39,7 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::attitude::{Attitude, EAST, NORTH, Stand, UP};
 use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
@@ -96,6 +96,8 @@ pub fn split_periods(duration_s: f64, period_s: f64) -> (usize, f64) {
 #[derive(Debug)]
 pub struct CovarianceModel {
     pub(crate) dynamics: ErrorDynamics,
+    /// What attitude the gimbals' angles are.
+    pub(crate) stand: Stand,
     /// PSD q of the random drift, arcsec²/s.
     pub(crate) drift_psd: f64,
     /// How the drift of the gyros wanders, °/h.
@@ -150,6 +152,7 @@ impl CovarianceModel {
             .map(|v| Angle::from_rad(v).arcsec().powi(2));
         let mut model = Self {
             dynamics,
+            stand: platform.stand,
             drift_psd,
             // rad/s to °/h = arcsec/s, and g = rad of tilt to arcsec.
             drift_colour: platform.drift_colour.times(ARCSEC_PER_RAD),

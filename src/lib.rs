@@ -40,7 +40,8 @@
 //!
 //! - **n** is North – Up – East; gravity in it is (0, −1, 0) in units of 1 g.
 //! - A [`Position`] is `C_c^n = Mx(α) My(β) Mz(γ)` (19), frame rotations: a positive α turns the
-//!   platform about −x.
+//!   platform about −x. `gimbals.axes` and `[stand]` are for gimbals and bases that are not the
+//!   paper's, see `docs/angles.md` of the repository.
 //! - Coefficients are in the order D_FX … D_SZ ([`DriftCoefficient`]): constant drift D_F, and drift
 //!   per g along the input (D_I), output (D_O) and spin (D_S) axis of each gyro.
 //! - Names carry their unit where it is not SI; everything inside is SI.

@@ -284,7 +284,7 @@ impl Timeline {
             let is_return = returns && k == last;
             if is_return && home_is_here {
                 leg.position = position;
-                leg.attitude = position.attitude();
+                leg.attitude = platform.stand.attitude(position);
             }
             let held = ScheduledPosition {
                 move_measured: is_return.then_some(false),
@@ -371,7 +371,7 @@ impl Timeline {
                 _ => 0.0,
             },
             position: p.position,
-            attitude: Attitude::of_angles(to.angles),
+            attitude: platform.stand.attitude_of(to.angles),
             dwell_s: p.dwell_s,
         }
     }

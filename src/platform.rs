@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{Position, earth_rate_n};
+use crate::attitude::{Position, Stand, earth_rate_n};
 use crate::drift::{CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::model::{Colour, ErrorModel};
@@ -17,16 +17,20 @@ use crate::units::{Angle, AngularRate};
 
 mod allowed;
 mod axis_value;
+mod check;
 mod colour;
 mod errors;
 mod gimbals;
 mod obstacles;
+mod stand;
 pub use axis_value::{AxisValue, GSensitivePrior};
+pub use check::CheckPosition;
 pub use errors::{AzimuthConfig, ErrorTable, ErrorsConfig, OutputAxes, OutputAxis};
 pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};
 pub use obstacles::ForbiddenConfig;
 pub(crate) use obstacles::Obstacles;
+pub use stand::StandConfig;
 
 /// Where the test stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -140,6 +144,11 @@ pub struct GimbalsConfig {
     /// `gamma_deg`); none: any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub allowed: Option<PathBuf>,
+    /// Platform axes that the outer, middle and inner gimbal turn about at zero angles, `"+x"` to `"-z"`:
+    /// the sign is the sense of a positive angle, right-handed; none: `["-x", "-y", "-z"]`, the seed
+    /// paper's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<[String; 3]>,
 }
 
 /// How a change of position is modelled.
@@ -203,6 +212,9 @@ pub struct PlatformConfig {
     pub prior: PriorConfig,
     /// What the gimbals allow.
     pub gimbals: GimbalsConfig,
+    /// How the base of the stand is set up.
+    #[serde(skip_serializing_if = "StandConfig::is_empty")]
+    pub stand: StandConfig,
     /// How the platform moves.
     pub motion: MotionConfig,
     /// An azimuth reference.
@@ -288,6 +300,7 @@ pub struct Platform {
     pub(crate) azimuth_noise_rad: Option<f64>,
     pub(crate) gimbals: Gimbals,
     pub(crate) obstacles: Obstacles,
+    pub(crate) stand: Stand,
     pub(crate) motion: Motion,
 }
 
@@ -363,6 +376,10 @@ impl Platform {
     pub(crate) fn obstacles(&self) -> &Obstacles {
         &self.obstacles
     }
+    /// How the gimbals are hung and the base stands: what attitude their angles are.
+    pub fn stand(&self) -> &Stand {
+        &self.stand
+    }
     /// The motion between positions.
     pub fn motion(&self) -> &Motion {
         &self.motion
@@ -420,6 +437,7 @@ impl PlatformConfig {
             motion: self.motion.check(&gimbals, &obstacles)?,
             gimbals,
             obstacles,
+            stand: self.stand.check(self.gimbals.axes.as_ref())?,
         })
     }
 }

@@ -7,5 +7,5 @@ pub use crate::config::{
 pub use crate::platform::{
     AccelerometerConfig, AxisValue, AzimuthConfig, ErrorTable, ErrorsConfig, FilterConfig,
     ForbiddenConfig, GSensitivePrior, GimbalsConfig, GyroConfig, MotionConfig, OutputAxes,
-    OutputAxis, PlatformConfig, PriorConfig, Repositioning, SiteConfig,
+    OutputAxis, PlatformConfig, PriorConfig, Repositioning, SiteConfig, StandConfig,
 };

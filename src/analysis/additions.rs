@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::suggest::{GimbalAxis, NoSuggestion, gains, new_dwell_s, stretched};
-use crate::attitude::{Degrees, Position};
+use crate::attitude::{Degrees, Position, Stand};
 use crate::covariance::CovarianceModel;
 use crate::covariance::full::FullCovariance;
 use crate::error::Result;
@@ -79,12 +79,12 @@ pub enum TurnAxis {
 }
 
 impl TurnAxis {
-    /// Of gimbal `axis` (0 outer) at `position`; the inner one is the platform's z.
-    fn of(axis: usize, position: Position) -> Self {
+    /// Of gimbal `axis` (0 outer) at `position`; the inner one is along an axis of the platform.
+    fn of(stand: &Stand, axis: usize, position: Position) -> Self {
         /// What counts as along an axis.
         const ALONG: f64 = 1.0 - 1e-9;
-        let attitude = position.attitude();
-        let in_n = attitude.rotation_axes(position)[axis];
+        let attitude = stand.attitude(position);
+        let in_n = stand.rotation_axes(&attitude, position)[axis];
         let in_platform = attitude.matrix().transpose() * in_n;
         let along = PlatformAxis::ALL
             .into_iter()
@@ -267,6 +267,7 @@ struct Found {
 
 /// Attitudes along the axes and of a grid over all that the gimbals allow, each once.
 fn different_attitudes(
+    stand: &Stand,
     axes: &[GimbalAxis; 3],
     position: impl Fn([i64; 3]) -> Position,
 ) -> Vec<[i64; 3]> {
@@ -283,7 +284,7 @@ fn different_attitudes(
             for &beta in &betas {
                 for &gamma in &gammas {
                     let at = [alpha, beta, gamma];
-                    if seen.insert(position(at).attitude_key()) {
+                    if seen.insert(stand.attitude_key(position(at))) {
                         grid.push(at);
                     }
                 }
@@ -371,7 +372,9 @@ impl<'a> Search<'a> {
             let place = Position::from_deg(deg[0], deg[1], deg[2]);
             ScheduledPosition::new(place, self.dwell_s)
         };
-        let grid = different_attitudes(&axes, |at| position(at).position);
+        let grid = different_attitudes(self.evaluator.test().platform().stand(), &axes, |at| {
+            position(at).position
+        });
         let rated: Vec<Option<f64>> = grid
             .par_iter()
             .map(|&at| self.rated(&[position(at)]))
@@ -525,7 +528,7 @@ impl<'a> Search<'a> {
             ..ScheduledPosition::new(Position::from_deg(to[0], to[1], to[2]), dwell_s)
         });
         let turn = Turn {
-            about: TurnAxis::of(axis, from),
+            about: TurnAxis::of(self.evaluator.test().platform().stand(), axis, from),
             degrees,
             rate_deg_per_s,
         };

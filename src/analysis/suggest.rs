@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, UP, decimal};
+use crate::attitude::{Attitude, Degrees, EAST, NORTH, NanoDegrees, Position, Stand, UP, decimal};
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
@@ -196,6 +196,7 @@ struct Prospect {
     weights: [f64; 3],
     azimuth_unknown: bool,
     mounting: Mounting,
+    stand: Stand,
     /// In frame-hold: the attitude before, the share of ψ_y(0) in ψ_y there, and 1/σ.
     held: Option<(Attitude, f64, f64)>,
 }
@@ -243,6 +244,7 @@ impl Prospect {
             weights: crate::observability::regressor::dwell_weights(model, dwell_s),
             azimuth_unknown: regressor.azimuth_unknown,
             mounting: regressor.mounting,
+            stand: regressor.stand,
             held: held.filter(|_| regressor.azimuth_unknown),
         })
     }
@@ -253,7 +255,7 @@ impl Prospect {
 
     /// The weighted rows that a dwell at `position` adds.
     fn rows(&self, position: Position) -> [Unknowns; 4] {
-        let attitude = position.attitude();
+        let attitude = self.stand.attitude(position);
         let a = self.mounting.drift_matrix(&attitude);
         let mut rows = [Unknowns::zeros(); 4];
         for (row, axis) in rows.iter_mut().zip([NORTH, EAST, UP]) {

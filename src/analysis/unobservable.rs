@@ -200,7 +200,7 @@ fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKN
     for &alpha in &alphas {
         for &beta in &betas {
             for &gamma in &gammas {
-                let at = Position::from_rad(alpha, beta, gamma).attitude();
+                let at = model.stand.attitude(Position::from_rad(alpha, beta, gamma));
                 let a = model.drift_matrix(&at);
                 add(&a, NORTH, 0.0);
                 add(&a, EAST, if azimuth { -1.0 } else { 0.0 });

@@ -9,8 +9,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Vector3;
 
-use crate::attitude::{Attitude, NanoDegrees, Position, decimal};
-use crate::platform::{GimbalRange, Gimbals, Motion, multiples};
+use crate::attitude::{Attitude, NanoDegrees, Position, Stand, decimal};
+use crate::platform::{GimbalRange, Gimbals, Platform, multiples};
 
 /// Spacing of the rings, rad: about 18 000 directions.
 const SPACING: f64 = 1.5 * PI / 180.0;
@@ -129,17 +129,19 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    pub fn new(gimbals: &Gimbals, motion: &Motion) -> Self {
+    pub fn new(platform: &Platform) -> Self {
+        let (gimbals, motion) = (platform.gimbals(), platform.motion());
+        let stand = platform.stand();
         let sphere = Sphere::new(SPACING);
         // A move that takes time passes between the table's positions, and the drift integrates
         // meanwhile.
         let table = match (gimbals.step_deg(), motion.slew_rate_rad_per_s) {
-            (Some(step), None) => table(gimbals, step),
+            (Some(step), None) => table(stand, gimbals, step),
             _ => None,
         };
         let allowed = match table {
             Some(attitudes) => Allowed::Table(attitudes),
-            None => cover(&sphere, gimbals),
+            None => cover(&sphere, stand, gimbals),
         };
         Self { sphere, allowed }
     }
@@ -173,8 +175,8 @@ fn turned(range: Option<GimbalRange>) -> (f64, f64) {
 }
 
 /// The directions within the ranges, covered as finely as their share of the sphere allows.
-fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
-    let marks = marked(coarse, SPACING, gimbals);
+fn cover(coarse: &Sphere, stand: &Stand, gimbals: &Gimbals) -> Allowed {
+    let marks = marked(coarse, SPACING, stand, gimbals);
     let count = marks.iter().filter(|m| **m).count();
     if count == marks.len() {
         return Allowed::Everything;
@@ -182,28 +184,37 @@ fn cover(coarse: &Sphere, gimbals: &Gimbals) -> Allowed {
     let share = count as f64 / marks.len() as f64;
     let spacing = (SPACING * share.sqrt()).max(FINEST);
     let fine = Sphere::new(spacing);
-    let marks = marked(&fine, spacing, gimbals);
-    let kept = fine.directions.iter().zip(marks);
+    let marks = marked(&fine, spacing, stand, gimbals);
+    let kept = fine.directions.iter().zip(marks).filter(|(_, m)| *m);
+    let in_platform = |d: &Vector3<f64>| match stand.frame() {
+        None => *d,
+        Some(frame) => frame.right.transpose() * d,
+    };
     Allowed::Cover {
-        directions: kept.filter(|(_, m)| *m).map(|(d, _)| *d).collect(),
+        directions: kept.map(|(d, _)| in_platform(d)).collect(),
         radius: fine.radius,
     }
 }
 
-/// The grid directions within reach of an allowed one. g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns
-/// about the rings' axis, so each (α, β) gives an arc.
-fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
+/// The grid directions within reach of an allowed one, in the axes of the paper's sequence (R g^c of
+/// [`Stand`]). On the paper's stand g = −Mz(γ)ᵀ My(β)ᵀ Mx(α)ᵀ e_y: γ turns about the rings' axis, so
+/// each (α, β) gives an arc; on any other stand so do α and β of the stand, by its sense of γ.
+fn marked(sphere: &Sphere, spacing: f64, stand: &Stand, gimbals: &Gimbals) -> Vec<bool> {
     let [alpha, beta, gamma] = gimbals.ranges;
     let area = turned(alpha).1 * turned(beta).1;
     let step = (SAMPLE * spacing).max((area / MOST_SAMPLES).sqrt());
     let (alphas, half_alpha) = samples(alpha, step);
     let (betas, half_beta) = samples(beta, step);
     let (from, length) = turned(gamma);
+    let from = match stand.frame() {
+        Some(frame) if frame.gamma < 0.0 => -(from + length),
+        _ => from,
+    };
     let reach = half_alpha + half_beta + sphere.radius + 1e-9;
     let mut marks = vec![false; sphere.directions.len()];
     for &alpha in &alphas {
         for &beta in &betas {
-            let g = Position::from_rad(alpha, beta, 0.0).attitude().gravity_c();
+            let g = stand.gravity_before_gamma(alpha, beta);
             let colatitude = libm::acos(g.z.clamp(-1.0, 1.0));
             let azimuth = libm::atan2(g.y, g.x);
             sphere.mark(&mut marks, colatitude, azimuth + from, length, reach);
@@ -217,7 +228,7 @@ fn marked(sphere: &Sphere, spacing: f64, gimbals: &Gimbals) -> Vec<bool> {
 
 /// The attitudes of an index table of `step` degrees within the ranges; none when there are too
 /// many, or none.
-fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
+fn table(stand: &Stand, gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
     let axes: Vec<Vec<f64>> = gimbals
         .ranges
         .iter()
@@ -238,9 +249,9 @@ fn table(gimbals: &Gimbals, step: f64) -> Option<Vec<Attitude>> {
             }
         }
     }
-    positions.sort_by_cached_key(|p| p.attitude_key());
-    positions.dedup_by_key(|p| p.attitude_key());
-    Some(positions.into_iter().map(Position::attitude).collect())
+    positions.sort_by_cached_key(|p| stand.attitude_key(*p));
+    positions.dedup_by_key(|p| stand.attitude_key(*p));
+    Some(positions.into_iter().map(|p| stand.attitude(p)).collect())
 }
 
 /// Multiples of the step within a range, degrees; on an unlimited axis those of one turn. One
@@ -264,12 +275,13 @@ fn settings(range: Option<GimbalRange>, step: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::platform::PlatformConfig;
+    use nalgebra::Matrix3;
 
     fn directions(change: impl FnOnce(&mut PlatformConfig)) -> Directions {
         let mut config = PlatformConfig::default();
         change(&mut config);
         let platform = config.check().unwrap();
-        Directions::new(platform.gimbals(), platform.motion())
+        Directions::new(&platform)
     }
 
     fn is_everything(directions: &Directions) -> bool {
@@ -349,22 +361,39 @@ mod tests {
     #[test]
     fn the_marks_hold_every_allowed_direction_of_any_stand() {
         let sphere = Sphere::new(0.2);
-        for ranges in [
+        let stands = [
+            (["-x", "-y", "-z"], 0.0, [0.0; 2]),
+            (["-x", "-y", "-z"], 20.0, [15.0, -40.0]),
+            (["+y", "+x", "-z"], -70.0, [0.0; 2]),
+            (["+z", "-x", "+z"], 110.0, [-5.0, 8.0]),
+            (["+x", "+z", "-x"], 0.0, [0.0, 90.0]),
+            (["-z", "+y", "+x"], 0.0, [0.0; 2]),
+        ];
+        for (at, ranges) in [
             [[-30.0, 50.0], [-20.0, 60.0], [-40.0, 100.0]],
             [[80.0, 100.0], [-10.0, 10.0], [-180.0, -150.0]],
             [[-100.0, -60.0], [70.0, 110.0], [150.0, 210.0]],
             [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]],
             [[-5.0, 5.0], [-170.0, 170.0], [0.0, 20.0]],
             [[100.0, 300.0], [-3.0, 3.0], [-90.0, -60.0]],
-        ] {
+        ]
+        .into_iter()
+        .flat_map(|ranges| stands.map(|stand| (stand, ranges)))
+        {
+            let (axes, heading_deg, tilt_deg) = at;
             let mut config = PlatformConfig::default();
+            config.gimbals.axes = Some(axes.map(str::to_owned));
+            config.stand.heading_deg = Some(heading_deg);
+            config.stand.tilt_deg = Some(tilt_deg);
             config.gimbals.alpha_deg = Some(ranges[0]);
             config.gimbals.beta_deg = Some(ranges[1]);
             config.gimbals.gamma_deg = Some(ranges[2]);
             let platform = config.check().unwrap();
-            let marks = marked(&sphere, 0.2, platform.gimbals());
-            let grid = sphere.directions.iter().zip(&marks);
-            let kept: Vec<&Vector3<f64>> = grid.filter(|(_, m)| **m).map(|(d, _)| d).collect();
+            let marks = marked(&sphere, 0.2, platform.stand(), platform.gimbals());
+            let stand = platform.stand();
+            let right = stand.frame().map_or_else(Matrix3::identity, |f| f.right);
+            let grid = sphere.directions.iter().zip(&marks).filter(|(_, m)| **m);
+            let kept: Vec<Vector3<f64>> = grid.map(|(d, _)| right.transpose() * d).collect();
             let mut allowed = Vec::new();
             for i in 0..4000 {
                 // Beyond both ends and cut: a good part lies in faces, edges and corners.
@@ -375,18 +404,19 @@ mod tests {
                 };
                 let [a, b] = [angle(0, 0.819_172_513), angle(1, 0.671_043_607)];
                 let c = angle(2, 0.549_700_478);
-                allowed.push(Position::from_deg(a, b, c).attitude().gravity_c());
+                let p = Position::from_deg(a, b, c);
+                allowed.push(stand.attitude(p).gravity_c());
             }
             for g in &allowed {
                 let nearest = kept.iter().map(|d| d.dot(g)).fold(-1.0, f64::max);
                 assert!(
                     nearest.min(1.0).acos() <= sphere.radius + 1e-7,
-                    "{ranges:?}"
+                    "{at:?} {ranges:?}"
                 );
             }
             // What is marked is not far from something allowed: the grid's radius, the samples'
             // spacing and a ring's step at most.
-            for d in kept {
+            for d in &kept {
                 let nearest = allowed.iter().map(|g| d.dot(g)).fold(-1.0, f64::max);
                 assert!(nearest.min(1.0).acos() <= 0.75, "{ranges:?} {d}");
             }

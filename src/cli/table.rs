@@ -15,7 +15,7 @@ use crate::results::{
 };
 use crate::schedule::standard::StandardScheme;
 use crate::units::Angle;
-use crate::wording::{number, optional, seconds, separability};
+use crate::wording::{fixed, number, optional, seconds, separability};
 
 /// How a column is aligned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,10 +155,7 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
 pub(super) fn specific_force(timeline: &Timeline) -> String {
     let held = timeline.position_legs().iter().enumerate();
     let rows = held.map(|(i, leg)| {
-        let [x, y, z] = leg
-            .attitude
-            .specific_force_c()
-            .map(|f| format!("{:.5}", f + 0.0));
+        let [x, y, z] = leg.attitude.specific_force_c().map(|f| fixed(f, 5));
         [(i + 1).to_string(), x, y, z]
     });
     let columns = [

@@ -93,6 +93,9 @@ const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("gimbals.forbidden", Nothing),
     ("gimbals.max_winding_deg", Nothing),
     ("gimbals.allowed", Nothing),
+    ("gimbals.axes", Nothing),
+    ("stand.heading_deg", Nothing),
+    ("stand.tilt_deg", Nothing),
     ("motion.repositioning", Assumed),
     ("motion.slew_rate_deg_per_s", Assumed),
     ("motion.settle_s", Assumed),
@@ -206,7 +209,11 @@ pub(super) fn example(path: &str) -> Option<&'static str> {
 
 /// How many elements an array has that is given for this key, and what they are.
 pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
-    if matches!(
+    if path == "gimbals.axes" {
+        Some((3, "three axes such as [\"-x\", \"-y\", \"-z\"]"))
+    } else if path == "stand.tilt_deg" {
+        Some((2, "two angles [about x, about z]"))
+    } else if matches!(
         path,
         "gimbals.alpha_deg" | "gimbals.beta_deg" | "gimbals.gamma_deg"
     ) {
@@ -253,6 +260,7 @@ mod tests {
                 "filter",
                 "prior",
                 "gimbals",
+                "stand",
                 "motion",
                 "azimuth",
                 "errors",

@@ -232,6 +232,7 @@ impl<'a> Document<'a> {
         self.table("filter", &mut config.platform.filter)?;
         self.table("prior", &mut config.platform.prior)?;
         self.table("gimbals", &mut config.platform.gimbals)?;
+        self.table("stand", &mut config.platform.stand)?;
         self.table("motion", &mut config.platform.motion)?;
         self.table("azimuth", &mut config.platform.azimuth)?;
         // What is flattened would lose the places too.

@@ -137,17 +137,17 @@ impl CovarianceModel {
                 let (ticks, remainder) = split_periods(m.duration_s, self.period_s);
                 for tick in 0..ticks {
                     let start_s = tick as f64 * self.period_s;
-                    let b = m.drift_integral(&self.dynamics, start_s, self.period_s);
+                    let b = m.drift_integral(&self.stand, &self.dynamics, start_s, self.period_s);
                     link = link.then(&self.unmeasured(self.period_s, b));
                     link = link.then(&self.measurement());
                 }
                 if remainder > 0.0 {
                     let start_s = ticks as f64 * self.period_s;
-                    let b = m.drift_integral(&self.dynamics, start_s, remainder);
+                    let b = m.drift_integral(&self.stand, &self.dynamics, start_s, remainder);
                     link = link.then(&self.unmeasured(remainder, b));
                 }
             } else if m.duration_s > 0.0 {
-                let b = m.drift_integral(&self.dynamics, 0.0, m.duration_s);
+                let b = m.drift_integral(&self.stand, &self.dynamics, 0.0, m.duration_s);
                 link = self.unmeasured(m.duration_s, b);
             }
         }

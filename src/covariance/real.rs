@@ -10,7 +10,7 @@ use nalgebra::{ClosedAddAssign, ClosedMulAssign, ClosedSubAssign, Matrix3, Scala
 use num_traits::{One, Zero};
 
 use super::Precision;
-use crate::attitude::{Degrees, Position};
+use crate::attitude::{Degrees, Position, Stand};
 use crate::dynamics::ErrorDynamics;
 
 /// A number of 32 digits.
@@ -47,8 +47,8 @@ pub(crate) trait Real:
     /// √ of it.
     fn sqrt(self) -> Self;
 
-    /// C_c^n = Mx(α) My(β) Mz(γ) (19).
-    fn attitude(position: Position) -> Matrix3<Self>;
+    /// C_c^n of a position on a stand.
+    fn attitude(stand: &Stand, position: Position) -> Matrix3<Self>;
 
     /// Φ and Γ of an interval.
     fn transition(dynamics: &ErrorDynamics, length_s: f64) -> [Matrix3<Self>; 2];
@@ -67,8 +67,8 @@ impl Real for f64 {
         Self::sqrt(self)
     }
 
-    fn attitude(position: Position) -> Matrix3<Self> {
-        *position.attitude().matrix()
+    fn attitude(stand: &Stand, position: Position) -> Matrix3<Self> {
+        *stand.attitude(position).matrix()
     }
 
     fn transition(dynamics: &ErrorDynamics, length_s: f64) -> [Matrix3<Self>; 2] {
@@ -89,7 +89,7 @@ impl Real for Extended {
         Self::sqrt(self)
     }
 
-    fn attitude(position: Position) -> Matrix3<Self> {
+    fn attitude(stand: &Stand, position: Position) -> Matrix3<Self> {
         let turn = |angle: Degrees, axis: usize| {
             let (s, c) = sine_cosine(angle);
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -100,8 +100,15 @@ impl Real for Extended {
             m[(k, j)] = -s;
             m
         };
-        let [alpha, beta, gamma] = position.exact();
-        turn(alpha, 0) * turn(beta, 1) * turn(gamma, 2)
+        let [alpha, beta, gamma] = stand.papers(position.exact());
+        let papers = turn(alpha, 0) * turn(beta, 1) * turn(gamma, 2);
+        let Some(frame) = stand.frame() else {
+            return papers;
+        };
+        // Rot(−e, θ) is what `turn` gives.
+        let [heading, tilt_x, tilt_z] = stand.base_angles();
+        let base = turn(heading, 1) * turn(-tilt_x, 0) * turn(-tilt_z, 2);
+        base * frame.hung.map(Self::from) * papers * frame.right.map(Self::from)
     }
 
     /// In closed form, F = −[ω ×] of rate ω.
@@ -225,6 +232,7 @@ pub(crate) fn convert<T: Real, const A: usize, const B: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attitude::SignedAxis;
 
     #[test]
     fn sines_have_thirty_digits() {
@@ -255,14 +263,25 @@ mod tests {
     #[test]
     fn attitudes_are_those_of_doubles_and_right_angles_are_exact() {
         let position = Position::from_deg(20.0, -130.0, 77.0);
-        let (a, b) = (Extended::attitude(position), f64::attitude(position));
-        for (a, b) in a.iter().zip(b.iter()) {
-            assert!((a.0 - b).abs() < 1e-15);
+        let far = Position::from_deg(20.0 - 3600.0, 230.0, 437.0);
+        let axes = Position::from_deg(90.0, -180.0, 270.0);
+        let named = |names: [&str; 3]| names.map(|name| SignedAxis::from_name(name).unwrap());
+        let stand = |names, heading, tilt| Stand::new(named(names), heading, tilt).unwrap();
+        for stand in [
+            Stand::PAPER,
+            stand(["+y", "-x", "+z"], 0.0, [0.0; 2]),
+            stand(["+z", "+x", "-z"], 90.0, [180.0, -90.0]),
+            stand(["-x", "+z", "-x"], 33.3, [-20.0, 71.0]),
+        ] {
+            let of = |p| Extended::attitude(&stand, p);
+            let (a, b) = (of(position), f64::attitude(&stand, position));
+            for (a, b) in a.iter().zip(b.iter()) {
+                assert!((a.0 - b).abs() < 1e-15);
+            }
+            assert_eq!(of(far), a);
+            let axes = of(axes);
+            let exact = axes.iter().all(|v| v.0 == v.0.round() && v.1 == 0.0);
+            assert_eq!(exact, stand.heading_deg() != 33.3);
         }
-        let far = Extended::attitude(Position::from_deg(20.0 - 3600.0, 230.0, 437.0));
-        assert_eq!(far, a);
-        let axes = Extended::attitude(Position::from_deg(90.0, -180.0, 270.0));
-        let mut exact = axes.iter();
-        assert!(exact.all(|v| v.0 == v.0.round() && v.1 == 0.0));
     }
 }

@@ -225,11 +225,11 @@ impl<'a, T: Real> Selection<'a, T> {
         let mut b = self.in_doubles.nothing();
         for_each_share(m, (start, length), self.degree, |at, share| {
             let position = m.position_at(at);
-            let attitude = position.attitude();
+            let attitude = model.stand.attitude(position);
             let c = attitude.matrix();
             let time_s = share * m.duration_s;
             // dC = −[φ ×] C: the platform turns by −φ in n.
-            let axes = attitude.rotation_axes(position);
+            let axes = model.stand.rotation_axes(&attitude, position);
             let turned = axes.iter().zip(m.change);
             let turned = turned.fold(Vector3::zeros(), |sum, (axis, by)| sum - axis * by);
             let rate = c.transpose() * (model.earth_rate_n * time_s + turned * share);
@@ -266,7 +266,7 @@ impl<T: Real> Effects for Selection<'_, T> {
         self.mixing.nothing()
     }
     fn place(&self, leg: &Leg) -> Place<T> {
-        self.place_at(T::attitude(leg.position))
+        self.place_at(T::attitude(&self.model.stand, leg.position))
     }
     fn attitude(&self, place: &Place<T>) -> Matrix3<T> {
         place.c
@@ -299,7 +299,7 @@ impl<T: Real> Effects for Selection<'_, T> {
         place.upward.as_ref()
     }
     fn passed(&self, m: &Move, time_s: f64) -> Option<Place<T>> {
-        let here = || T::attitude(m.position_at(time_s / m.duration_s));
+        let here = || T::attitude(&self.model.stand, m.position_at(time_s / m.duration_s));
         self.has_accelerometers.then(|| self.place_at(here()))
     }
 }

@@ -60,7 +60,7 @@ impl Effects for Twelve<'_> {
         times_drift_matrix(x, place)
     }
     fn moved(&self, m: &Move, start_s: f64, length_s: f64) -> DriftMatrix {
-        m.drift_integral(&self.0.dynamics, start_s, length_s)
+        m.drift_integral(&self.0.stand, &self.0.dynamics, start_s, length_s)
     }
     fn kernel(&self, periods: usize) -> Kernel {
         self.0.kernels.kernel(periods)

@@ -70,9 +70,15 @@ fn a_fault_planted_in_the_filter_is_refused_by_name() {
     }
     // The order of the turns.
     named(&refused(Instrument {
-        turns: [2, 1, 0],
+        gimbals: [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]],
         ..Instrument::PAPER
     }));
+    // The sense of an angle.
+    for axis in 0..3 {
+        let mut wrong = Instrument::PAPER;
+        wrong.gimbals[axis] = wrong.gimbals[axis].map(|v| -v);
+        named(&refused(wrong));
+    }
     // A measurement at the end of a rest that is shorter than a period.
     named(&refused(Instrument {
         split: |duration_s, period_s| ((duration_s / period_s).ceil() as usize, 0.0),
@@ -207,7 +213,7 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
     assert!(evaluator().evaluate(&schedule()).unwrap().agreement < 1e-7);
     // The paper's mounting, and the turns of the gimbals in another order.
     let wrong = Instrument {
-        turns: [2, 1, 0],
+        gimbals: [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]],
         ..Instrument::of(evaluator().test().platform())
     };
     for wrong in [Instrument::PAPER, wrong] {
@@ -293,5 +299,30 @@ fn early_convergence_has_a_value_and_a_gradient() {
             let error = numeric - leg.move_s;
             assert!(error.abs() < 1e-8, "{k} move: {error:e}");
         }
+    }
+}
+
+/// On a stand with other axes, turned and tilted: what it takes for the axes and the base is its own.
+#[test]
+fn a_stand_taken_wrongly_by_the_filter_is_refused() {
+    let config: PlatformConfig = toml::from_str(
+        "[gimbals]\naxes = [\"+z\", \"-x\", \"+z\"]\n\
+         [stand]\nheading_deg = 25.0\ntilt_deg = [3.0, -7.0]\n\
+         [motion]\nslew_rate_deg_per_s = 0.7\nmeasure_moves = true\n",
+    )
+    .unwrap();
+    let platform = config.check().unwrap();
+    let evaluator = || Evaluator::new(platform.clone(), Objective::default());
+    let right = Instrument::of(&platform);
+    let agreement = evaluator().evaluate(&schedule()).unwrap().agreement;
+    assert!(agreement < 1e-9, "{agreement:e}");
+    let mut wrong = vec![right; 6];
+    for axis in 0..3 {
+        wrong[axis].gimbals[axis] = right.gimbals[axis].map(|v| -v);
+        wrong[3 + axis].base[axis] = -right.base[axis];
+    }
+    for instrument in wrong {
+        let found = evaluator().judged_on(instrument).evaluate(&schedule());
+        assert!(found.unwrap_err().is_disagreement(), "{instrument:?}");
     }
 }

@@ -1,12 +1,14 @@
 //! The Euler triples of one attitude, and the ones that make a sequence of positions quickest.
 //!
 //! (α, β, γ) and (α + 180°, 180° − β, γ + 180°) are the same attitude, whole turns make no
-//! difference, and at β = ±90° only α ∓ γ counts. Which of them the gimbals take decides how far
+//! difference, and at β = ±90° only α ∓ γ counts. (Where the inner axis stands along the outer one, a
+//! proper Euler sequence, (α + 180°, −β, γ + 180°), and at β = 0 and 180°; see [`crate::attitude`].)
+//! Which of them the gimbals take decides how far
 //! they have to turn from one position to the next.
 
 use super::clear::{clear_way, longest};
 use super::{Place, Test, way_between};
-use crate::attitude::{Degrees, NanoDegrees, Position};
+use crate::attitude::{Degrees, NanoDegrees, Position, Stand};
 use crate::platform::Platform;
 use crate::units::RAD_PER_DEG;
 
@@ -15,7 +17,7 @@ const TURNS: [i64; 3] = [0, 1, -1];
 
 /// The triples of the attitude of `position` that the platform can take, the position itself
 /// first if it is one of them. On limited axes angles up to one turn away are tried, or the
-/// lowest within the range; at β = ±90° four values of α.
+/// lowest within the range; in gimbal lock four values of α.
 ///
 /// ```
 /// use scheme_opt::internals::attitude::Position;
@@ -36,10 +38,10 @@ pub fn equivalent_positions(platform: &Platform, position: Position) -> Vec<Posi
 fn equivalent_places(platform: &Platform, position: Position) -> Vec<Place> {
     let obstacles = platform.obstacles();
     let nothing_in_the_way = obstacles.is_empty();
-    let half = Degrees::from(NanoDegrees::HALF_TURN);
+    let stand = platform.stand();
     let mut all: Vec<Place> = Vec::with_capacity(2);
-    for [a, b, g] in with_lock(position) {
-        for triple in [[a, b, g], [a + half, half - b, g + half]] {
+    for angles in with_lock(stand, position) {
+        for triple in [angles, stand.partner(angles)] {
             let axes = [0, 1, 2].map(|axis| settings(platform, axis, triple[axis]));
             for a in axes[0].iter() {
                 for b in axes[1].iter() {
@@ -57,17 +59,15 @@ fn equivalent_places(platform: &Platform, position: Position) -> Vec<Place> {
     all
 }
 
-/// The triple itself and, in gimbal lock, others of the same attitude. From (19) at β = ±90°,
-/// C depends on α ∓ γ alone.
-fn with_lock(position: Position) -> Vec<[Degrees; 3]> {
+/// The triple itself and, in gimbal lock, others of the same attitude: there C depends on α ∓ γ alone.
+fn with_lock(stand: &Stand, position: Position) -> Vec<[Degrees; 3]> {
     let [a, b, g] = position.exact();
     let mut triples = vec![[a, b, g]];
-    let beta = b.nano.wrapped();
-    let (zero, quarter) = (NanoDegrees::default(), NanoDegrees::QUARTER_TURN);
-    if beta.abs() == quarter {
+    if let Some(sense) = stand.lock(b) {
+        let (zero, quarter) = (NanoDegrees::default(), NanoDegrees::QUARTER_TURN);
         for alpha in [zero, quarter, NanoDegrees::HALF_TURN, -quarter] {
             let alpha = Degrees::from(alpha);
-            let turned = if beta > zero { alpha - a } else { a - alpha };
+            let turned = if sense > 0.0 { alpha - a } else { a - alpha };
             triples.push([alpha, b, g + turned]);
         }
     }

@@ -12,6 +12,7 @@ use std::sync::LazyLock;
 use nalgebra::Matrix3;
 
 use super::Move;
+use crate::attitude::Stand;
 use crate::drift::{DriftMatrix, times_drift_matrix};
 use crate::dynamics::ErrorDynamics;
 use crate::units::EARTH_RATE_RAD_PER_S;
@@ -184,6 +185,7 @@ impl Move {
     /// the move: what the drift D adds to ψ^n by the interval's end is B D. Unit s (times g).
     pub fn drift_integral(
         &self,
+        stand: &Stand,
         dynamics: &ErrorDynamics,
         start_s: f64,
         length_s: f64,
@@ -192,7 +194,7 @@ impl Move {
         for_each_node(self, length_s, |t, weight| {
             let position = self.position_at((start_s + t) / self.duration_s);
             let phi: Matrix3<f64> = dynamics.transition(length_s - t) * weight;
-            b += times_drift_matrix(&phi, &position.attitude());
+            b += times_drift_matrix(&phi, &stand.attitude(position));
         });
         b
     }
@@ -245,7 +247,8 @@ mod tests {
             let m = Move::new([0.3, -0.8, 2.0], change, 360.0, false);
             for (start, length) in [(0.0, 360.0), (120.0, 10.0), (357.0, 3.0)] {
                 let exact = fine(&m, &dynamics, start, length);
-                let error = (m.drift_integral(&dynamics, start, length) - exact).amax();
+                let error =
+                    (m.drift_integral(&Stand::PAPER, &dynamics, start, length) - exact).amax();
                 assert!(error < 1e-12 * length, "{change:?}: {error:e}");
             }
         }
@@ -255,7 +258,9 @@ mod tests {
     fn a_slow_move_follows_the_earth() {
         let dynamics = ErrorDynamics::new(earth_rate_n(0.49));
         let m = Move::new([0.0; 3], [0.02, 0.0, 0.0], 2e5, false);
-        let error = (m.drift_integral(&dynamics, 0.0, 2e5) - fine(&m, &dynamics, 0.0, 2e5)).amax();
+        let error = (m.drift_integral(&Stand::PAPER, &dynamics, 0.0, 2e5)
+            - fine(&m, &dynamics, 0.0, 2e5))
+        .amax();
         assert!(error < 1e-12 * 2e5, "{error:e}");
     }
 }

@@ -114,14 +114,14 @@ impl SensitivityPass<'_> {
         let dynamics = &self.model.dynamics;
         for tick in 0..ticks {
             let start_s = tick as f64 * period;
-            let papers = arrival.drift_integral(dynamics, start_s, period);
+            let papers = arrival.drift_integral(&self.model.stand, dynamics, start_s, period);
             let b = self.model.mounting().of_the_papers(papers);
             self.advance(&dynamics.transition(period), &b);
             self.measure();
         }
         if remainder > 0.0 {
             let start_s = ticks as f64 * period;
-            let papers = arrival.drift_integral(dynamics, start_s, remainder);
+            let papers = arrival.drift_integral(&self.model.stand, dynamics, start_s, remainder);
             let b = self.model.mounting().of_the_papers(papers);
             self.advance(&dynamics.transition(remainder), &b);
         }

@@ -18,7 +18,7 @@
 use nalgebra::Matrix3;
 
 use super::regressor::{Change, Regressor, RowBlock, RowSource};
-use crate::attitude::{EAST, UP};
+use crate::attitude::{EAST, Stand, UP};
 use crate::covariance::CovarianceModel;
 use crate::covariance::fast::arithmetic::Single;
 use crate::covariance::fast::dispatch::{self, Task};
@@ -126,7 +126,8 @@ impl LogSeparability {
                 // c = g_k · g_{k−1}, and g is minus the Up row of C.
                 let mut c_adjoint = Matrix3::zeros();
                 c_adjoint.set_row(UP, &(-cosine_adjoint * other.transpose()));
-                let angles = legs[k].attitude.angle_adjoint(legs[k].position, &c_adjoint);
+                let (stand, leg) = (&self.regressor.stand, &legs[k]);
+                let angles = stand.angle_adjoint(&leg.attitude, leg.position, &c_adjoint);
                 for (sum, angle) in gradient[k].angles.iter_mut().zip(angles) {
                     *sum += angle;
                 }
@@ -358,7 +359,7 @@ impl Task for Pull<'_> {
                 sum + slopes[i] * block.weights[i] * block.weight_rates[i]
             });
             add_block(
-                self.timeline,
+                (&regressor.stand, self.timeline),
                 block,
                 &Matrix3::from_fn(|i, a| pulled.c[i][a]),
                 duration,
@@ -473,7 +474,7 @@ fn dot(row: &[f64; WIDTH], b: usize, h: &[f64; FACTORS]) -> f64 {
 }
 
 fn add_block(
-    timeline: &Timeline,
+    (stand, timeline): (&Stand, &Timeline),
     block: &RowBlock,
     c_adjoint: &Matrix3<f64>,
     duration: f64,
@@ -484,7 +485,7 @@ fn add_block(
     match (block.source, &l.arrival) {
         (RowSource::Move { fraction }, Some(m)) => {
             let position = m.position_at(fraction);
-            let angles = block.attitude.angle_adjoint(position, c_adjoint);
+            let angles = stand.angle_adjoint(&block.attitude, position, c_adjoint);
             for (i, angle) in angles.into_iter().enumerate() {
                 gradient[leg].angles[i] += fraction * angle;
                 gradient[leg - 1].angles[i] += (1.0 - fraction) * angle;
@@ -492,7 +493,7 @@ fn add_block(
             gradient[leg].move_s += duration;
         }
         _ => {
-            let angles = block.attitude.angle_adjoint(l.position, c_adjoint);
+            let angles = stand.angle_adjoint(&block.attitude, l.position, c_adjoint);
             for (sum, angle) in gradient[leg].angles.iter_mut().zip(angles) {
                 *sum += angle;
             }

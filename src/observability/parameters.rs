@@ -148,7 +148,9 @@ impl DriftSpaces {
         let row = |t: &TaggedRow| -> Vec<f64> {
             let leg = &timeline.legs()[t.leg];
             let attitude = match (t.source, &leg.arrival) {
-                (RowSource::Move { fraction }, Some(m)) => m.position_at(fraction).attitude(),
+                (RowSource::Move { fraction }, Some(m)) => {
+                    model.stand.attitude(m.position_at(fraction))
+                }
                 _ => leg.attitude,
             };
             let drift = model.drift_by_gravity(&attitude);

@@ -12,7 +12,7 @@
 
 use super::order::Order;
 use super::row_space::counts;
-use crate::attitude::{Attitude, EAST, NORTH, UP};
+use crate::attitude::{Attitude, EAST, NORTH, Stand, UP};
 use crate::covariance::{CovarianceModel, split_periods};
 use crate::drift::{COEFFICIENTS, DriftMatrix};
 use crate::model::Mounting;
@@ -173,6 +173,8 @@ pub(crate) struct Regressor {
     pub changes: Vec<Change>,
     /// The axes of the gyros.
     pub mounting: Mounting,
+    /// What attitude the gimbals' angles are.
+    pub stand: Stand,
     /// Whether ω_N ψ_y(0) is an unknown: not at the poles.
     pub azimuth_unknown: bool,
     /// Whether the y channel exists: not at the poles, but where the azimuth is measured.
@@ -206,7 +208,7 @@ impl Regressor {
                     blocks.push(RowBlock {
                         leg,
                         source: RowSource::Move { fraction },
-                        attitude: m.position_at(fraction).attitude(),
+                        attitude: model.stand.attitude(m.position_at(fraction)),
                         azimuth: -1.0,
                         weights: weights.map(|w| w * share),
                         weight_rates: rates.map(|w| w * share),
@@ -237,6 +239,7 @@ impl Regressor {
             blocks,
             changes: Vec::new(),
             mounting: *model.mounting(),
+            stand: model.stand,
             azimuth_unknown: azimuth,
             vertical_channel: azimuth || measured_azimuth.is_some(),
             measured_azimuth,

@@ -40,7 +40,7 @@ use crate::baseline::baselines;
 use crate::certificate::Certifier;
 use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
-use crate::report::words;
+use crate::report::{angles, words};
 use crate::results::{
     AnalysisDocument, COMPARISON_SCHEMA, CertificateRecord, ComparedWith, ComparisonDocument,
     EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
@@ -392,6 +392,7 @@ fn standing(subject: &Subject, on_specification: OnSpecification) -> (Vec<String
 fn body(subject: &Subject) -> Vec<Section> {
     vec![
         Section::new("schedule", "Schedule", schedule_blocks(subject)),
+        Section::new("angles", "Angles and axes", angle_blocks(subject)),
         Section::new(
             "commands",
             "Commands for the stand",
@@ -428,6 +429,28 @@ fn schedule_blocks(subject: &Subject) -> Vec<Block> {
                 .to_owned(),
         ),
         Block::Pictures(maps::sphere(subject).to_vec()),
+    ]
+}
+
+/// What the angles mean, and how to see on the stand that they mean the same there.
+fn angle_blocks(subject: &Subject) -> Vec<Block> {
+    let platform = subject.study.test().platform();
+    vec![
+        Block::List(angles::convention(platform)),
+        Block::Wide {
+            caption:
+                "The gimbals, and for each of them the platform before (dashed) and after a turn \
+                      of its angle, seen from the south-west and above."
+                    .to_owned(),
+            svg: angles::picture(platform),
+        },
+        Block::Text(
+            "To see that the stand means the same: set these angles and hold the accelerometers' \
+             readings against them. A gimbal that turns the other way, or another gimbal, reads \
+             something else."
+                .to_owned(),
+        ),
+        Block::Table(tables::check_positions(platform)),
     ]
 }
 

@@ -13,13 +13,14 @@
 
 mod rotations;
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
 use super::{MAX_DURATION_S, Schedule, ScheduledPosition, text};
-use crate::attitude::{Attitude, EAST, NORTH, Position};
+use crate::attitude::{Attitude, Degrees, EAST, NORTH, Position};
 use crate::error::{Error, Result};
-use crate::motion::{Test, Timeline, clear_ways, quickest_positions};
+use crate::motion::{Test, Timeline, clear_ways, equivalent_positions, quickest_positions};
+use crate::platform::Platform;
 
 /// A built-in scheme.
 ///
@@ -134,7 +135,7 @@ impl StandardScheme {
         Err(text::with_nearest(error, name, names))
     }
 
-    /// The positions in order.
+    /// The positions in order, in the angles of the seed paper's stand.
     ///
     /// Angles are rounded to the 1e-9° of files; those of the axis-aligned schemes are exact
     /// multiples of 90°.
@@ -151,6 +152,30 @@ impl StandardScheme {
             Self::Rotation19 => rotations::nineteen(),
             Self::Rotation9 => rotations::nine(),
             Self::TwoAxis9 => rotations::two_axis(),
+        }
+    }
+
+    /// The positions in order, in the angles of `platform`: the same attitudes in n as on the paper's
+    /// stand. Where the gimbals cannot take one of them and the base is turned or tilted, all are the
+    /// same attitudes towards the base: a scheme of an index table stays one wherever the table faces.
+    pub fn positions_on(self, platform: &Platform) -> Vec<Position> {
+        let (papers, stand) = (self.positions(), platform.stand());
+        if stand.is_of_the_paper() {
+            return papers;
+        }
+        let towards = |frame: Matrix3<f64>| -> Vec<Position> {
+            let turned = papers.iter().map(|p| p.attitude().turned(&frame));
+            turned.map(|a| as_written(stand.position(&a))).collect()
+        };
+        let in_n = towards(Matrix3::identity());
+        let reachable = |p: &Position| !equivalent_positions(platform, *p).is_empty();
+        if in_n.iter().all(reachable) {
+            return in_n;
+        }
+        let on_base = towards(stand.base());
+        match on_base.iter().all(reachable) {
+            true => on_base,
+            false => in_n,
         }
     }
 
@@ -171,7 +196,7 @@ impl StandardScheme {
                 "0 to 1e7",
             ));
         }
-        let positions = quickest_positions(test, &self.positions());
+        let positions = quickest_positions(test, &self.positions_on(test.platform()));
         // Where there is no way past what stands in the gimbals' way, the usual one is refused.
         let ways = match test.platform().obstacles().stop_moves() {
             true => clear_ways(test, positions.iter().map(|p| (*p, None))),

@@ -20,7 +20,7 @@ use super::fit::brought_within;
 use super::plan::Plan;
 use super::rated::{Candidate, Refined, rate};
 use super::workshop::Workshop;
-use crate::attitude::{NanoDegrees, Position, deg_of_rad};
+use crate::attitude::{NanoDegrees, Position, Stand, deg_of_rad};
 use crate::criterion::Smoothing;
 use crate::motion::{Test, Timeline};
 use crate::platform::Platform;
@@ -55,6 +55,7 @@ enum Reach {
 /// combination, or a list of positions.
 #[derive(Debug, Clone)]
 pub(super) struct IndexTable {
+    stand: Stand,
     angles: [Vec<f64>; 3],
     /// The positions themselves, where the stand has a list of them.
     list: Option<Vec<[f64; 3]>>,
@@ -68,6 +69,7 @@ impl IndexTable {
     pub fn new(platform: &Platform) -> Option<Self> {
         if let Some(allowed) = platform.obstacles().allowed() {
             return Some(Self {
+                stand: *platform.stand(),
                 angles: Default::default(),
                 list: Some(allowed.iter().map(|p| p.to_array()).collect()),
                 attitudes: OnceLock::new(),
@@ -78,6 +80,7 @@ impl IndexTable {
             Some(deg.map(|deg| deg * RAD_PER_DEG).collect())
         };
         Some(Self {
+            stand: *platform.stand(),
             angles: [settings(0)?, settings(1)?, settings(2)?],
             list: None,
             attitudes: OnceLock::new(),
@@ -96,10 +99,11 @@ impl IndexTable {
 
     /// The places by attitude; none when there are too many.
     fn attitudes(&self) -> &[Vec<[f64; 3]>] {
+        let of = |triples: &mut dyn Iterator<Item = [f64; 3]>| by_attitude(&self.stand, triples);
         self.attitudes
             .get_or_init(|| match (&self.list, self.count()) {
-                (Some(list), _) => by_attitude(list.iter().copied()),
-                (None, Some(n)) if n <= ALL_PLACES => by_attitude(combinations(&self.angles)),
+                (Some(list), _) => of(&mut list.iter().copied()),
+                (None, Some(n)) if n <= ALL_PLACES => of(&mut combinations(&self.angles)),
                 _ => Vec::new(),
             })
     }
@@ -164,7 +168,7 @@ impl IndexTable {
     /// settings listed too (where the step does not divide a turn, more turns have others).
     pub(super) fn snap(&self, platform: &Platform, angles: [f64; 3]) -> [f64; 3] {
         if let Some(list) = &self.list {
-            return nearest_attitude(list, angles);
+            return nearest_attitude(&self.stand, list, angles);
         }
         std::array::from_fn(|axis| {
             let limited = platform.gimbals().ranges[axis].is_some();
@@ -251,11 +255,11 @@ fn combinations(angles: &[Vec<f64>; 3]) -> impl Iterator<Item = [f64; 3]> + '_ {
 }
 
 /// Triples by the attitude they are.
-fn by_attitude(triples: impl Iterator<Item = [f64; 3]>) -> Vec<Vec<[f64; 3]>> {
+fn by_attitude(stand: &Stand, triples: &mut dyn Iterator<Item = [f64; 3]>) -> Vec<Vec<[f64; 3]>> {
     let mut known: HashMap<[i64; 3], usize> = HashMap::new();
     let mut attitudes: Vec<Vec<[f64; 3]>> = Vec::new();
     for triple in triples {
-        let key = Position::from_array(triple).attitude_key();
+        let key = stand.attitude_key(Position::from_array(triple));
         let index = *known.entry(key).or_insert_with(|| {
             attitudes.push(Vec::new());
             attitudes.len() - 1
@@ -267,11 +271,11 @@ fn by_attitude(triples: impl Iterator<Item = [f64; 3]>) -> Vec<Vec<[f64; 3]>> {
 
 /// The position of a list whose attitude is nearest; itself if it is on the list, and of equally near
 /// ones the first.
-fn nearest_attitude(list: &[[f64; 3]], angles: [f64; 3]) -> [f64; 3] {
+fn nearest_attitude(stand: &Stand, list: &[[f64; 3]], angles: [f64; 3]) -> [f64; 3] {
     if list.contains(&angles) {
         return angles;
     }
-    let matrix = |angles: [f64; 3]| *Position::from_array(angles).attitude().matrix();
+    let matrix = |angles: [f64; 3]| *stand.attitude(Position::from_array(angles)).matrix();
     let wanted = matrix(angles);
     // tr(AᵀB) = 1 + 2 cos of the angle between two attitudes.
     let likeness = |listed: &[f64; 3]| wanted.dot(&matrix(*listed));

@@ -114,9 +114,10 @@ impl Gaps {
         attitudes: &[Position],
     ) -> Vec<(usize, Position)> {
         let test = context.evaluator.test();
+        let stand = test.platform().stand();
         let drift: Vec<_> = attitudes
             .iter()
-            .map(|p| drift_matrix(&p.attitude()))
+            .map(|p| drift_matrix(&stand.attitude(*p)))
             .collect();
         let mut promising: Vec<(f64, usize, Position)> = Vec::new();
         for (gap, insertion) in self.insertions.iter().enumerate() {
@@ -144,7 +145,7 @@ fn attitudes(platform: &Platform) -> Vec<Position> {
     }
     (0..ATTITUDES)
         .filter_map(|i| {
-            let position = spread_rotation(i, ATTITUDES).position();
+            let position = platform.stand().position(&spread_rotation(i, ATTITUDES));
             equivalent_positions(platform, position).into_iter().next()
         })
         .collect()

@@ -62,7 +62,7 @@ pub(super) fn starts_while(
 fn standard_starts(test: &Test, problem: &SearchProblem) -> Vec<Plan> {
     StandardScheme::ALL
         .into_iter()
-        .map(StandardScheme::positions)
+        .map(|scheme| scheme.positions_on(test.platform()))
         .filter(|positions| positions.len() <= problem.max_positions)
         .filter(|positions| {
             positions
@@ -194,7 +194,7 @@ const ATTEMPTS: usize = 50;
 pub(super) fn random_position(platform: &Platform, random: &mut impl Rng) -> Position {
     for _ in 0..ATTEMPTS {
         let attitude = Attitude::from_rotation(random_rotation(random));
-        if let Some(position) = within_ranges(platform, attitude.position()) {
+        if let Some(position) = within_ranges(platform, platform.stand().position(&attitude)) {
             return position;
         }
     }
@@ -245,7 +245,7 @@ fn icosahedral(platform: &Platform, count: usize, random: &mut ChaCha8Rng) -> Ve
             direction[j] = sj;
             let heading = random.random_range(0.0..TAU);
             let position = Attitude::with_gravity_along(turn * direction, heading)
-                .and_then(|attitude| within_ranges(platform, attitude.position()));
+                .and_then(|attitude| within_ranges(platform, platform.stand().position(&attitude)));
             positions.push(position.unwrap_or_else(|| random_position(platform, random)));
         }
     }

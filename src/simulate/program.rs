@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::Attitude;
+use crate::attitude::{Attitude, Stand};
 use crate::covariance::selection::{Mixing, Selection};
 use crate::covariance::{CovarianceModel, split_periods};
 use crate::drift::{DriftMatrix, times_drift_matrix};
@@ -131,6 +131,7 @@ impl Program {
         let model = CovarianceModel::new(platform);
         let mut builder = ProgramBuilder {
             dynamics: ErrorDynamics::new(platform.earth_rate_n()),
+            stand: *platform.stand(),
             period_s: period,
             effects: LinearEffects::new(platform, &model),
             wandering,
@@ -175,6 +176,7 @@ struct LinearEffects<'a> {
     has_torquers: bool,
     has_accelerometers: bool,
     earth_rate_n: Vector3<f64>,
+    stand: Stand,
 }
 
 impl<'a> LinearEffects<'a> {
@@ -187,6 +189,7 @@ impl<'a> LinearEffects<'a> {
             mixing,
             along_moves: (!errors.is_of_the_paper()).then(|| Selection::new(model)),
             earth_rate_n: platform.earth_rate_n(),
+            stand: *platform.stand(),
         }
     }
 
@@ -212,7 +215,9 @@ impl<'a> LinearEffects<'a> {
     /// B of a part of a move that takes time.
     fn moved(&self, dynamics: &ErrorDynamics, m: &Move, piece: &Piece) -> Drive {
         match &self.along_moves {
-            None => dynamic(&m.drift_integral(dynamics, piece.start_s, piece.length_s)),
+            None => {
+                dynamic(&m.drift_integral(&self.stand, dynamics, piece.start_s, piece.length_s))
+            }
             Some(selection) => {
                 let part = [piece.start_s, piece.length_s].map(|s| s / m.duration_s);
                 selection.part_of_move(m, part.into())
@@ -233,18 +238,10 @@ fn dynamic(b: &DriftMatrix) -> Drive {
     Drive::from_columns(&b.column_iter().collect::<Vec<_>>())
 }
 
-/// ω_nc^c where the angles (α, β, γ) of (19) change by `change` in a unit of time: with
-/// C = Mx(α) My(β) Mz(γ), −(α̇ (My Mz)ᵀ e_x + β̇ Mzᵀ e_y + γ̇ e_z).
-fn gimbal_rate([_, beta, gamma]: [f64; 3], change: [f64; 3]) -> Vector3<f64> {
-    let ((sb, cb), (sg, cg)) = (libm::sincos(beta), libm::sincos(gamma));
-    let outer = Vector3::new(cb * cg, cb * sg, -sb);
-    let middle = Vector3::new(-sg, cg, 0.0);
-    -(outer * change[0] + middle * change[1] + Vector3::z() * change[2])
-}
-
 /// What is being built, and how far it has come.
 struct ProgramBuilder<'a> {
     dynamics: ErrorDynamics,
+    stand: Stand,
     period_s: f64,
     effects: LinearEffects<'a>,
     wandering: Option<&'a Wandering>,
@@ -351,11 +348,11 @@ impl ProgramBuilder<'_> {
             gimbal_rates: match self.effects.has_torquers {
                 true => nodes
                     .clone()
-                    .map(|p| gimbal_rate(p.to_array(), rate))
+                    .map(|p| self.stand.gimbal_rate(p.to_array(), rate))
                     .collect(),
                 false => Vec::new(),
             },
-            attitudes: nodes.map(|p| p.attitude()).collect(),
+            attitudes: nodes.map(|p| self.stand.attitude(p)).collect(),
         }
     }
 
@@ -500,7 +497,7 @@ mod tests {
         };
         let h = 1e-5;
         let slope = (at(h) - at(-h)) / (2.0 * h);
-        let expected = at(0.0) * gimbal_rate(angles, rate).cross_matrix();
+        let expected = at(0.0) * Stand::PAPER.gimbal_rate(angles, rate).cross_matrix();
         assert!((slope - expected).amax() < 1e-9);
     }
 

@@ -20,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::normal::normal3;
 use super::states::{Drive, Fading, LinearTransition, Shape};
-use crate::attitude::Attitude;
+use crate::attitude::{Attitude, Stand};
 use crate::covariance::coloured::Layout;
 use crate::covariance::coloured::passage::Passed;
 use crate::dynamics::ErrorDynamics;
@@ -108,6 +108,7 @@ pub(super) struct Wandering {
     biases: Vec<Process>,
     /// The same as the chain has it.
     layout: Layout,
+    stand: Stand,
 }
 
 /// Where the platform is in an interval.
@@ -142,6 +143,7 @@ impl Wandering {
         let of = |colour: &Colour| Process::of(&colour.times(ARCSEC_PER_RAD));
         (!platform.is_white()).then(|| Self {
             estimated: platform.errors().estimated(),
+            stand: *platform.stand(),
             drift: of(platform.drift_colour()),
             biases: of(platform.accelerometer_colour()),
             layout: Layout::new(
@@ -227,7 +229,8 @@ impl Wandering {
                 passed
             }
             Whereabouts::Moving(m, start_s) => {
-                Passed::moved(&self.layout, dynamics, white, m, (start_s, length_s))
+                let of = (&self.stand, dynamics);
+                Passed::moved(&self.layout, of, white, m, (start_s, length_s))
             }
         };
         let Passed { transition, u } = passed;

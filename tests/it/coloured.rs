@@ -30,7 +30,7 @@ fn filter_and_chain_agree_with_the_reference_to_1e_6() {
 
 /// Some of what can wander, now and then with time constants short beside a filter period and long
 /// beside the test.
-fn wandering(config: &mut PlatformConfig, random: &mut Random, kinds: u32) {
+pub fn wandering(config: &mut PlatformConfig, random: &mut Random, kinds: u32) {
     let has = |bit: u32| kinds >> bit & 1 == 1;
     let mut time_s = || 10.0_f64.powf(random.between(0.0, 5.0));
     let [of_gyros, of_accelerometers] = [time_s(), time_s()];

@@ -43,10 +43,21 @@ fn rows(csv: &str) -> Vec<Row> {
     csv.lines().skip(1).map(row).collect()
 }
 
-fn attitude(deg: [f64; 3]) -> Matrix3<f64> {
-    *Position::from_deg(deg[0], deg[1], deg[2])
-        .attitude()
-        .matrix()
+/// C_c^n by its definition: turns about the gimbals' axes, on a base that is turned and tilted.
+pub fn attitude(platform: &Platform, deg: [f64; 3]) -> Matrix3<f64> {
+    let stand = platform.stand();
+    let [tilt_x, tilt_z] = stand.tilt_deg();
+    let base = [
+        (-Vector3::y(), stand.heading_deg()),
+        (Vector3::x(), tilt_x),
+        (Vector3::z(), tilt_z),
+    ];
+    let gimbals = stand.axes().into_iter().zip(deg);
+    let gimbals = gimbals.map(|(axis, deg)| (axis.vector(), deg));
+    let turns = base.into_iter().chain(gimbals);
+    turns.fold(Matrix3::identity(), |c, (axis, deg)| {
+        c * Rotation3::new(axis * Angle::from_deg(deg).rad()).matrix()
+    })
 }
 
 /// Angle between two attitudes that are close, rad: ‖A − B‖ is √8 sin(θ/2).
@@ -56,10 +67,11 @@ fn apart(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
 
 /// Integrates the rates of the text: Ċ_c^i = C_c^i [ω_c ×], with n turning at the Earth rate.
 /// Checks the attitude whenever a position is held.
-fn replay(platform: &Platform, timeline: &Timeline, step_deg: f64) -> usize {
+pub fn replay(platform: &Platform, timeline: &Timeline, step_deg: f64) -> usize {
     let table = CommandTable::new(platform, timeline, step_deg).unwrap();
     let rows = rows(&table.to_csv());
     assert_eq!(rows.len(), table.commands().len());
+    let attitude = |deg| attitude(platform, deg);
     let mut c = *timeline.legs()[0].attitude.matrix();
     let mut gimbals = timeline.legs()[0].position.to_deg();
     let mut measured_s = 0.0;

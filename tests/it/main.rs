@@ -7,6 +7,7 @@
 )]
 
 mod angles;
+mod axes;
 mod batch;
 #[path = "../battery/mod.rs"]
 mod battery;

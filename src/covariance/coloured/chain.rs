@@ -164,9 +164,10 @@ impl<T: Real> Runner<'_, T> {
 
     /// A measurement so long after the start of a move.
     fn measure_in_move(&mut self, m: &Move, time_s: f64, share: f64) {
-        let place = self
-            .selection
-            .place_at(T::attitude(m.position_at(time_s / m.duration_s)));
+        let place = self.selection.place_at(T::attitude(
+            &self.model.stand,
+            m.position_at(time_s / m.duration_s),
+        ));
         self.enter(&place);
         self.measure(share, &place, &place.c);
         self.leave(&place);
@@ -240,12 +241,13 @@ impl<T: Real> Runner<'_, T> {
     /// An interval of a move.
     fn moving(&mut self, m: &Move, start_s: f64, length_s: f64) {
         let CovarianceModel {
+            stand,
             dynamics,
             drift_psd,
             ..
         } = self.model;
         let part = (start_s, length_s);
-        let passed = Passed::moved(self.layout, dynamics, *drift_psd, m, part);
+        let passed = Passed::moved(self.layout, (stand, dynamics), *drift_psd, m, part);
         self.pass(&passed);
         let mut psi = self.v.rows_mut(0, 3);
         psi += self.selection.moved(m, start_s, length_s);

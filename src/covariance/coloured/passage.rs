@@ -17,6 +17,7 @@ use std::sync::LazyLock;
 use nalgebra::{DMatrix, Matrix3};
 
 use super::Layout;
+use crate::attitude::Stand;
 use crate::covariance::real::Real;
 use crate::dynamics::ErrorDynamics;
 use crate::model::{Colour, Markov};
@@ -226,10 +227,15 @@ struct Panel {
 }
 
 impl Panel {
-    fn new(dynamics: &ErrorDynamics, m: &Move, start_s: f64, length_s: f64) -> Self {
+    fn new(
+        (stand, dynamics): (&Stand, &ErrorDynamics),
+        m: &Move,
+        start_s: f64,
+        length_s: f64,
+    ) -> Self {
         let seen = NODES.nodes.iter().map(|(place, _)| {
             let position = m.position_at((start_s + place * length_s) / m.duration_s);
-            dynamics.transition(length_s * (1.0 - place)) * position.attitude().matrix()
+            dynamics.transition(length_s * (1.0 - place)) * stand.attitude(position).matrix()
         });
         Self {
             length_s,
@@ -298,7 +304,7 @@ impl<T: Real> Passed<T> {
     /// A part of a move.
     pub fn moved(
         layout: &Layout,
-        dynamics: &ErrorDynamics,
+        (stand, dynamics): (&Stand, &ErrorDynamics),
         q: f64,
         m: &Move,
         (start_s, length_s): (f64, f64),
@@ -322,7 +328,7 @@ impl<T: Real> Passed<T> {
         let phi = dynamics.transition(width);
         let mut shares: Vec<Share<f64>> = Vec::new();
         for k in 0..panels {
-            let panel = Panel::new(dynamics, m, start_s + k as f64 * width, width);
+            let panel = Panel::new((stand, dynamics), m, start_s + k as f64 * width, width);
             let of = layout.drift.iter().map(|process| panel.share(*process));
             shares = match k {
                 0 => of.collect(),

@@ -575,6 +575,6 @@ impl<'a, A: Arithmetic, S: Shape> Sweep<'a, A, S> {
         };
         let (c, _) = self.place.pull(&at.c, &rate);
         self.place = PlaceAdjoint::nothing(self.ar);
-        pull_to_angles(&at.c, alpha, &c)
+        pull_to_angles(self.earth.stand(), &at.c, alpha, &c)
     }
 }

@@ -261,7 +261,7 @@ fn operations(count: usize, dwell_s: f64, slews: bool) -> Operations {
         keep_empty: false,
         facts: Facts::of::<Drift>(),
     });
-    let earth = Earth::new(Counted(0.0), &model.dynamics, model.drift_psd);
+    let earth = Earth::new(Counted(0.0), &model.dynamics, &model.stand, model.drift_psd);
     let mut tape = Tape {
         on: false,
         steps: Vec::new(),

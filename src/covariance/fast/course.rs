@@ -220,7 +220,7 @@ pub(crate) fn on_the_way<A: Arithmetic, S: Shape>(
     let Interval { start_s, length_s } = s.interval;
     let at_s = if end { start_s + length_s } else { start_s };
     let fraction = at_s / s.turn.duration_s;
-    let (c, alpha) = s.turn.attitude_at(fraction);
+    let (c, alpha) = s.turn.attitude_at(earth.stand(), fraction);
     OnTheWay {
         place: Place::new(ar, earth, c),
         fraction,

@@ -291,7 +291,7 @@ impl<'a> Cuts<'a> {
                 let dynamics = &model.dynamics;
                 let b = match (passage, &l.arrival) {
                     (Passage::Moving { start_s }, Some(m)) => {
-                        m.drift_integral(dynamics, start_s, length_s)
+                        m.drift_integral(&model.stand, dynamics, start_s, length_s)
                     }
                     _ => times_drift_matrix(&dynamics.integral(length_s), &l.attitude),
                 };

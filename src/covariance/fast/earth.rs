@@ -3,9 +3,10 @@
 use super::arithmetic::{Arithmetic, Number};
 use super::square::{Entries, entries, mirrored, product, rows, transpose};
 use super::trigonometry::sin_cos;
+use crate::attitude::{Stand, StandFrame};
 use crate::dynamics::ErrorDynamics;
 
-/// The Earth's rotation: rate and axis (a_N, a_U, 0).
+/// The Earth's rotation, rate and axis (a_N, a_U, 0); and how the stand is set up on it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Earth<N> {
     rate: N,
@@ -13,6 +14,8 @@ pub(crate) struct Earth<N> {
     up: N,
     /// PSD q of the random drift, arcsec²/s.
     drift_psd: N,
+    /// What the stand takes beside the paper's sequence, if anything.
+    stand: Option<StandFrame>,
 }
 
 /// Φ = I − s K + v K² of a rotation by x about the axis, K its cross matrix: s = sin x and
@@ -29,15 +32,16 @@ fn rotation<N: Number>(north: N, up: N, diagonal: N, s: N, v: N) -> Entries<N> {
 }
 
 impl<N: Number> Earth<N> {
-    /// Of `dynamics`, in the kind of number of `like`.
+    /// Of `dynamics` and a `stand`, in the kind of number of `like`.
     #[inline(always)]
-    pub fn new(like: N, dynamics: &ErrorDynamics, drift_psd: f64) -> Self {
+    pub fn new(like: N, dynamics: &ErrorDynamics, stand: &Stand, drift_psd: f64) -> Self {
         let axis = dynamics.axis();
         Self {
             rate: like.constant(dynamics.rate()),
             north: like.constant(axis.x),
             up: like.constant(axis.y),
             drift_psd: like.constant(drift_psd),
+            stand: stand.frame().copied(),
         }
     }
 
@@ -49,6 +53,7 @@ impl<N: Number> Earth<N> {
             north: ar.at_nodes(self.north),
             up: ar.at_nodes(self.up),
             drift_psd: ar.at_nodes(self.drift_psd),
+            stand: self.stand,
         }
     }
 
@@ -59,6 +64,12 @@ impl<N: Number> Earth<N> {
             rate: self.rate * factor,
             ..*self
         }
+    }
+
+    /// What the stand takes beside the paper's sequence, if anything.
+    #[inline(always)]
+    pub fn stand(&self) -> Option<&StandFrame> {
+        self.stand.as_ref()
     }
 
     /// The PSD q of the random drift, arcsec²/s.

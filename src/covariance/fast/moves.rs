@@ -6,7 +6,7 @@ use super::earth::Earth;
 use super::shape::{Basis, FEATURES, Monomial, Shape, basis, basis_adjoint, every};
 use super::square::{Entries, dot, transpose};
 use super::trigonometry::sin_cos;
-use crate::attitude::UP;
+use crate::attitude::{Degrees, StandFrame, UP};
 
 /// A move in the chain's numbers.
 #[derive(Debug, Clone, Copy)]
@@ -32,8 +32,9 @@ impl<N: Number> Turn<N> {
 
     /// C_c^n at the `fraction` of the move, and (sin α, cos α).
     #[inline(always)]
-    pub fn attitude_at(&self, fraction: N) -> (Entries<N>, (N, N)) {
-        attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])))
+    pub fn attitude_at(&self, stand: Option<&StandFrame>, fraction: N) -> (Entries<N>, (N, N)) {
+        let angles = three!(|i| fraction.mul_add(self.change[i], self.from[i]));
+        attitude(stand, angles)
     }
 }
 
@@ -71,9 +72,28 @@ pub(crate) struct AtNode<N> {
     weight: N,
 }
 
+/// C_c^n = L Mx(α) My(β + β₀) Mz(s γ) R on a stand, and (sin α, cos α).
+#[inline(always)]
+pub(crate) fn attitude<N: Number>(
+    stand: Option<&StandFrame>,
+    angles: [N; 3],
+) -> (Entries<N>, (N, N)) {
+    match stand {
+        None => papers_attitude(angles),
+        Some(frame) => {
+            let beta = angles[1] + angles[1].constant(Degrees::from(frame.beta).rad());
+            let gamma = angles[2] * angles[2].constant(frame.gamma);
+            let (c, alpha) = papers_attitude([angles[0], beta, gamma]);
+            let left = three!(|i| three!(|j| alpha.0.constant(frame.left[(i, j)])));
+            let right = three!(|i| three!(|j| alpha.0.constant(frame.right[(i, j)])));
+            (product(&left, &product(&c, &right)), alpha)
+        }
+    }
+}
+
 /// C_c^n = Mx(α) My(β) Mz(γ), (19), and (sin α, cos α).
 #[inline(always)]
-pub(crate) fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
+fn papers_attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
     let [(sa, ca), (sb, cb), (sg, cg)] = three!(|i| sin_cos(angles[i]));
     let (sa_sb, ca_sb) = (sa * sb, ca * sb);
     let c = [
@@ -92,15 +112,34 @@ pub(crate) fn attitude<N: Number>(angles: [N; 3]) -> (Entries<N>, (N, N)) {
     (c, (sa, ca))
 }
 
+/// φ_α, φ_β, φ_γ of a stand and, in the last row, dφ_β/dα; see [`crate::attitude::Stand::rotation_axes`].
+#[inline(always)]
+fn axes_of<N: Number>(frame: &StandFrame, c: &Entries<N>, (sin, cos): (N, N)) -> [[N; 3]; 4] {
+    let left = three!(|j| three!(|i| sin.constant(frame.left[(i, j)])));
+    let inner = three!(|j| sin.constant(frame.right[(2, j)] * frame.gamma));
+    [
+        left[0],
+        three!(|i| left[1][i] * cos - left[2][i] * sin),
+        three!(|i| dot(&c[i], &inner)),
+        three!(|i| -(left[1][i] * sin) - left[2][i] * cos),
+    ]
+}
+
 /// The rate ω_ic of the body against inertial space, in n, where the angles change at `rates`:
-/// ω_ie − Σ_i rate_i φ_i with φ the axes of the angles. A positive angle turns the frame, passively.
+/// ω_ie − Σ_i rate_i φ_i with φ the axes of the angles. On the paper's stand a positive angle turns the
+/// frame, passively.
 #[inline(always)]
 pub(crate) fn body_rate<N: Number>(
+    stand: Option<&StandFrame>,
     c: &Entries<N>,
     (sin_alpha, cos_alpha): (N, N),
     earth_rate: &[N; 3],
     rates: &[N; 3],
 ) -> [N; 3] {
+    if let Some(frame) = stand {
+        let [alpha, beta, gamma, _] = axes_of(frame, c, (sin_alpha, cos_alpha));
+        return three!(|i| earth_rate[i] - dot(rates, &[alpha[i], beta[i], gamma[i]]));
+    }
     [
         earth_rate[0] - rates[0] - rates[2] * c[0][2],
         earth_rate[1] - rates[1] * cos_alpha - rates[2] * c[1][2],
@@ -111,12 +150,27 @@ pub(crate) fn body_rate<N: Number>(
 /// Reverse mode of [`body_rate`]: adds to C̄, and gives the adjoints of α and of the angles' rates.
 #[inline(always)]
 pub(crate) fn body_rate_adjoint<N: Number>(
+    stand: Option<&StandFrame>,
     c: &Entries<N>,
     (sin_alpha, cos_alpha): (N, N),
     rates: &[N; 3],
     of: &[N; 3],
     c_adjoint: &mut Entries<N>,
 ) -> (N, [N; 3]) {
+    if let Some(frame) = stand {
+        let [alpha, beta, gamma, turned] = axes_of(frame, c, (sin_alpha, cos_alpha));
+        for i in 0..3 {
+            for j in 0..3 {
+                let inner = of[i].constant(frame.right[(2, j)] * frame.gamma);
+                c_adjoint[i][j] = c_adjoint[i][j] - rates[2] * of[i] * inner;
+            }
+        }
+        let of_alpha = -(rates[1] * dot(&turned, of));
+        return (
+            of_alpha,
+            [-dot(&alpha, of), -dot(&beta, of), -dot(&gamma, of)],
+        );
+    }
     for i in 0..3 {
         c_adjoint[i][2] = c_adjoint[i][2] - rates[2] * of[i];
     }
@@ -135,7 +189,7 @@ pub(crate) fn product<N: Number>(a: &Entries<N>, b: &Entries<N>) -> Entries<N> {
 
 /// An interval ready to be visited node by node.
 pub(crate) struct Nodes<N> {
-    earth: Earth<N>,
+    pub earth: Earth<N>,
     /// ω_ie^n, or 0 where no time passes.
     earth_rate: [N; 3],
     from: [N; 3],
@@ -198,7 +252,13 @@ impl<N: Number> Nodes<N> {
     pub fn body_rate<S: Shape>(&self, node: &AtNode<N>) -> [N; 3] {
         match S::DRIFT_ONLY {
             true => self.earth_rate,
-            false => body_rate(&node.c, node.alpha, &self.earth_rate, &self.rates),
+            false => body_rate(
+                self.earth.stand(),
+                &node.c,
+                node.alpha,
+                &self.earth_rate,
+                &self.rates,
+            ),
         }
     }
 
@@ -207,7 +267,8 @@ impl<N: Number> Nodes<N> {
     pub fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
         let t = self.width * places;
         let fraction = (self.start + t) * self.per_duration;
-        let (c, alpha) = attitude(three!(|i| fraction.mul_add(self.change[i], self.from[i])));
+        let angles = three!(|i| fraction.mul_add(self.change[i], self.from[i]));
+        let (c, alpha) = attitude(self.earth.stand(), angles);
         let weight = self.width * weights;
         let phi = match self.instant {
             true => {
@@ -358,7 +419,7 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
             let (angles, rates) = match S::DRIFT_ONLY {
-                true => (angle_adjoint::<_, S>(&node, &b), [zero; 3]),
+                true => (angle_adjoint::<_, S>(&nodes, &node, &b), [zero; 3]),
                 false => wide_angle_adjoint::<_, S>(&nodes, &node, &b),
             };
             for i in 0..3 {
@@ -386,7 +447,11 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
 /// The node's share of the angles' adjoint: of Φ C ⊗ h through C and through h, then of C through
 /// the angles ([`crate::attitude::Attitude::angle_adjoint`]).
 #[inline(always)]
-fn angle_adjoint<N: Number, S: Shape>(node: &AtNode<N>, b: &[S::Quads<[N; 4]>; 3]) -> [N; 3] {
+fn angle_adjoint<N: Number, S: Shape>(
+    nodes: &Nodes<N>,
+    node: &AtNode<N>,
+    b: &[S::Quads<[N; 4]>; 3],
+) -> [N; 3] {
     let c = &node.c;
     let gravity = three!(|e| -c[UP][e]);
     let turned = product(&node.phi, c);
@@ -405,7 +470,7 @@ fn angle_adjoint<N: Number, S: Shape>(node: &AtNode<N>, b: &[S::Quads<[N; 4]>; 3
         // g = −(Up row of C)ᵀ.
         c_adjoint[UP][e] = c_adjoint[UP][e] - (column[0] + column[1] + column[2]);
     }
-    pull_to_angles(c, node.alpha, &c_adjoint)
+    pull_to_angles(nodes.earth.stand(), c, node.alpha, &c_adjoint)
 }
 
 /// The same with all features; of the angles' rates too.
@@ -439,8 +504,10 @@ fn wide_angle_adjoint<N: Number, S: Shape>(
     }
     let mut c_adjoint = product(&transpose(&node.phi), &pulled);
     let rate = basis_adjoint::<_, S>(c, &body_rate, &features, &mut c_adjoint);
-    let (alpha, rates) = body_rate_adjoint(c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
-    let mut angles = pull_to_angles(c, node.alpha, &c_adjoint);
+    let stand = nodes.earth.stand();
+    let (alpha, rates) =
+        body_rate_adjoint(stand, c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
+    let mut angles = pull_to_angles(stand, c, node.alpha, &c_adjoint);
     angles[0] = angles[0] + alpha;
     (angles, rates)
 }
@@ -448,6 +515,7 @@ fn wide_angle_adjoint<N: Number, S: Shape>(
 /// ∂f/∂(α, β, γ) from ∂f/∂C: −φ_i · Σ_j C_j × C̄_j with the axes φ of the three angles.
 #[inline(always)]
 pub(crate) fn pull_to_angles<N: Number>(
+    stand: Option<&StandFrame>,
     c: &Entries<N>,
     (sin_alpha, cos_alpha): (N, N),
     c_adjoint: &Entries<N>,
@@ -458,6 +526,14 @@ pub(crate) fn pull_to_angles<N: Number>(
             let cross = c[a][j].mul_add(c_adjoint[b][j], -(c[b][j] * c_adjoint[a][j]));
             torque[axis] = torque[axis] + cross;
         }
+    }
+    if let Some(frame) = stand {
+        let [alpha, beta, gamma, _] = axes_of(frame, c, (sin_alpha, cos_alpha));
+        return [
+            -dot(&alpha, &torque),
+            -dot(&beta, &torque),
+            -dot(&gamma, &torque),
+        ];
     }
     [
         -torque[0],
@@ -472,7 +548,7 @@ mod tests {
     use super::super::information::PLACES;
     use super::super::shape::Drift;
     use super::*;
-    use crate::attitude::earth_rate_n;
+    use crate::attitude::{Stand, earth_rate_n};
     use crate::drift::{COEFFICIENTS, DriftMatrix};
     use crate::dynamics::ErrorDynamics;
     use crate::motion::Move;
@@ -495,7 +571,7 @@ mod tests {
 
     fn integral(m: &Move, dynamics: &ErrorDynamics, start_s: f64, length_s: f64) -> DriftMatrix {
         let (turn, interval, panels) = parts(m, start_s, length_s);
-        let earth = Earth::new(0.0, dynamics, 0.0);
+        let earth = Earth::new(0.0, dynamics, &Stand::PAPER, 0.0);
         let b = drift_integral::<_, Drift>(Plain, &earth, &turn, &interval, &panels);
         DriftMatrix::from_fn(|i, c| {
             let (at, sign) = PLACES[c];
@@ -514,7 +590,7 @@ mod tests {
         ] {
             let m = Move::new([0.3, -0.8, 2.0], change, 360.0, false);
             for (start, length) in [(0.0, 360.0), (120.0, 10.0), (357.0, 3.0)] {
-                let expected = m.drift_integral(&dynamics, start, length);
+                let expected = m.drift_integral(&Stand::PAPER, &dynamics, start, length);
                 let error = (integral(&m, &dynamics, start, length) - expected).amax();
                 assert!(error < 1e-13 * length, "{change:?}: {error:e}");
             }
@@ -536,7 +612,7 @@ mod tests {
             }
         }
         let (turn, interval, panels) = parts(&base, start, length);
-        let earth = Earth::new(0.0, &dynamics, 0.0);
+        let earth = Earth::new(0.0, &dynamics, &Stand::PAPER, 0.0);
         let adjoint =
             drift_integral_adjoint::<_, Drift>(Plain, &earth, &turn, &interval, &panels, &wide);
         let slope = |h: f64, shift: &dyn Fn(&mut Move, f64)| {

@@ -208,7 +208,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
 impl CovarianceModel {
     /// The Earth's rotation and the random drift, in plain numbers.
     pub(crate) fn earth(&self) -> Earth<f64> {
-        Earth::new(0.0, &self.dynamics, self.drift_psd)
+        Earth::new(0.0, &self.dynamics, &self.stand, self.drift_psd)
     }
 }
 

@@ -6,7 +6,7 @@
 //! found by the other.
 
 use super::terms::Term;
-use crate::attitude::{Degrees, Position, UP};
+use crate::attitude::{Degrees, NanoDegrees, Position, UP};
 use crate::covariance::real::{Dense, Real, identity, product};
 use crate::model::{GyroAxes, Parameter};
 use crate::platform::Platform;
@@ -23,8 +23,10 @@ pub(crate) struct Instrument {
     pub axes: [GyroAxes; GYROS],
     /// Splits a duration into whole periods and what is left, s.
     pub split: fn(f64, f64) -> (usize, f64),
-    /// Turns about the outer, middle and inner axis, in the order of the product: 0 x, 1 y, 2 z.
-    pub turns: [usize; 3],
+    /// Axes of the platform that the outer, middle and inner gimbal turn about, right-handed.
+    pub gimbals: [[f64; 3]; 3],
+    /// Heading of the base, and its tilts about x and z.
+    pub base: [Degrees; 3],
 }
 
 impl Instrument {
@@ -37,36 +39,47 @@ impl Instrument {
             [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
         ],
         split: whole_periods,
-        turns: [0, 1, 2],
+        gimbals: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
+        base: [LEVEL; 3],
     };
 
-    /// C_c^n = Mx(α) My(β) Mz(γ), (19).
+    /// C_c^n = C_b^n Rot(a₁, α) Rot(a₂, β) Rot(a₃, γ); the paper's is Mx(α) My(β) Mz(γ), (19).
     pub fn attitude<T: Real>(&self, position: Position) -> Dense<T, 3, 3> {
         let angles = position.exact();
-        let [outer, middle, inner] = [0, 1, 2].map(|k| turn::<T>(self.turns[k], angles[k]));
-        product(&product(&outer, &middle), &inner)
+        let [outer, middle, inner] = [0, 1, 2].map(|k| turn::<T>(&self.gimbals[k], angles[k]));
+        let on_base = product(&product(&outer, &middle), &inner);
+        if self.base == [LEVEL; 3] {
+            return on_base;
+        }
+        let about = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        let [heading, tilt_x, tilt_z] = [0, 1, 2].map(|k| turn::<T>(&about[k], self.base[k]));
+        product(&product(&product(&heading, &tilt_x), &tilt_z), &on_base)
     }
 
     /// That of `platform`.
     pub fn of(platform: &Platform) -> Self {
         Self {
             axes: *platform.errors.mounting().axes(),
+            gimbals: platform.stand.axes().map(|axis| axis.vector().into()),
+            base: platform.stand.base_angles(),
             ..Self::PAPER
         }
     }
 
     /// ω_nc^c, where the angles at `angles` change by `change` in the unit of time.
     pub fn gimbal_rate<T: Real>(&self, angles: [Degrees; 3], change: [T; 3]) -> [T; 3] {
-        let [_, middle, inner] = [0, 1, 2].map(|k| turn::<T>(self.turns[k], angles[k]));
+        let [_, middle, inner] = [0, 1, 2].map(|k| turn::<T>(&self.gimbals[k], angles[k]));
         let both = product(&middle, &inner);
-        // Of C = M1 M2 M3, dM = −M [e ×] dθ: ω = −(θ̇1 (M2 M3)ᵀ e1 + θ̇2 M3ᵀ e2 + θ̇3 e3).
-        let [outer_axis, middle_axis, inner_axis] = self.turns;
+        // Of C = C_b R1 R2 R3, dR = R [a ×] dθ: ω = θ̇1 (R2 R3)ᵀ a1 + θ̇2 R3ᵀ a2 + θ̇3 a3.
+        let [outer_axis, middle_axis, inner_axis] = self.gimbals.map(|axis| axis.map(T::from));
+        let pulled = |turn: &Dense<T, 3, 3>, axis: &[T; 3], i: usize| {
+            let parts = turn.iter().zip(axis);
+            parts.fold(T::from(0.0), |sum, (row, a)| sum + row[i] * *a)
+        };
         std::array::from_fn(|i| {
-            let third = match i == inner_axis {
-                true => change[2],
-                false => T::from(0.0),
-            };
-            -(change[0] * both[outer_axis][i] + change[1] * inner[middle_axis][i] + third)
+            change[0] * pulled(&both, &outer_axis, i)
+                + change[1] * pulled(&inner, &middle_axis, i)
+                + change[2] * inner_axis[i]
         })
     }
 }
@@ -129,16 +142,30 @@ impl<T: Real> Terms<T> {
     }
 }
 
-/// Frame (passive) rotation about an axis: Mx, My or Mz of the paper.
-fn turn<T: Real>(axis: usize, angle: Degrees) -> Dense<T, 3, 3> {
+/// No heading, no tilt.
+const LEVEL: Degrees = Degrees {
+    nano: NanoDegrees::new(0),
+    rest_deg: 0.0,
+};
+
+/// Rot(a, θ) by the formula of Rodrigues, a aᵀ + cos θ (1 − a aᵀ) + sin θ [a×], a of unit length; about
+/// −x, −y and −z the paper's Mx, My, Mz.
+fn turn<T: Real>(axis: &[f64; 3], angle: Degrees) -> Dense<T, 3, 3> {
     let (sin, cos) = sin_cos::<T>(angle);
-    let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-    let mut m = identity::<T, 3>();
-    m[next][next] = cos;
-    m[last][last] = cos;
-    m[next][last] = sin;
-    m[last][next] = -sin;
-    m
+    let a = axis.map(T::from);
+    let zero = T::from(0.0);
+    let cross = [
+        [zero, -a[2], a[1]],
+        [a[2], zero, -a[0]],
+        [-a[1], a[0], zero],
+    ];
+    let one = identity::<T, 3>();
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let along = a[i] * a[j];
+            along + cos * (one[i][j] - along) + sin * cross[i][j]
+        })
+    })
 }
 
 /// π/2 in two doubles: 106 bits.

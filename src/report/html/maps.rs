@@ -4,6 +4,7 @@ use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, RGBColor};
 
+use crate::attitude::Stand;
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, DriftCoefficient};
 use crate::motion::Move;
 use crate::report::figure::canvas::{Canvas, Ink, document};
@@ -89,14 +90,15 @@ fn draw_half(area: &Area, ink: &Ink, half: Half, subject: &Subject) -> Drawn {
     }
     area.draw(&circle(RADIUS, FRAME))?;
     draw_axes(area, half)?;
+    let stand = subject.study.test().platform().stand();
     for leg in subject.timeline.legs() {
         if let Some(m) = leg.arrival.filter(|m| m.measured && m.duration_s > 0.0) {
-            draw_turn(area, ink, half, &m)?;
+            draw_turn(area, ink, half, (stand, &m))?;
         }
     }
     let mut taken: Vec<(i32, i32)> = Vec::new();
     for (i, leg) in subject.timeline.position_legs().iter().enumerate() {
-        let g = gravity(leg.position);
+        let g = gravity(&leg.attitude);
         let Some(at) = half.project(g) else { continue };
         let sense = Sense::of(g);
         let title = format!(
@@ -167,10 +169,11 @@ fn draw_axes(area: &Area, half: Half) -> Drawn {
 }
 
 /// The way of gravity through a measured move.
-fn draw_turn(area: &Area, ink: &Ink, half: Half, m: &Move) -> Drawn {
+fn draw_turn(area: &Area, ink: &Ink, half: Half, (stand, m): (&Stand, &Move)) -> Drawn {
     const STEPS: usize = 60;
+    let attitude = |k: usize| stand.attitude(m.position_at(k as f64 / STEPS as f64));
     let points: Vec<Option<(i32, i32)>> = (0..=STEPS)
-        .map(|k| half.project(gravity(m.position_at(k as f64 / STEPS as f64))))
+        .map(|k| half.project(gravity(&attitude(k))))
         .collect();
     ink.set_dash(Dash::Dotted);
     for piece in points.split(Option::is_none) {

@@ -1,6 +1,6 @@
 //! The pictures of a page, as SVG.
 
-use crate::attitude::{Position, wrap_half_turn};
+use crate::attitude::{Attitude, wrap_half_turn};
 use crate::drift::DriftCoefficient;
 use crate::motion::{Leg, Move};
 use crate::report::figure::{
@@ -314,7 +314,7 @@ fn ratio_panel(what: &str, ratios: &[(&str, Option<f64>)], [low, high]: [f64; 2]
 }
 
 /// Where gravity points in the platform while a position is held, in units of g.
-pub(super) fn gravity(position: Position) -> [f64; 3] {
-    let g = position.attitude().gravity_c();
+pub(super) fn gravity(attitude: &Attitude) -> [f64; 3] {
+    let g = attitude.gravity_c();
     [g.x, g.y, g.z]
 }

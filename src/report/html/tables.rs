@@ -4,8 +4,8 @@ use crate::attitude::Position;
 use crate::commands::{Segment, clock};
 use crate::compare::PositionOrder;
 use crate::motion::{Leg, gimbal_change};
-use crate::platform::Repositioning;
-use crate::report::words;
+use crate::platform::{Platform, Repositioning};
+use crate::report::{angles, words};
 use crate::results::{
     BaselineRecord, ComparisonDocument, ParetoRecord, RoleRecord, ScoreRecord, SimulatedParameter,
     SimulationDocument,
@@ -13,7 +13,7 @@ use crate::results::{
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
 use crate::units::{Angle, AngularRate};
-use crate::wording::{number, optional, seconds, separability};
+use crate::wording::{fixed, number, optional, seconds, separability};
 
 use super::blocks::HtmlTable;
 use super::pictures::gravity;
@@ -30,6 +30,33 @@ fn ratio(value: Option<f64>) -> String {
     optional(value, |r| format!("{r:.2}"))
 }
 
+/// Positions to check the angles by, with what the accelerometers should read.
+pub(super) fn check_positions(platform: &Platform) -> HtmlTable {
+    let rows = platform.check_positions().into_iter().map(|check| {
+        let shows = check.gimbal.map_or_else(
+            || "where the others start from".to_owned(),
+            |gimbal| {
+                format!(
+                    "{}, the {} gimbal",
+                    angles::ANGLES[gimbal],
+                    angles::GIMBALS[gimbal]
+                )
+            },
+        );
+        let angles = check.position.to_deg().map(|deg| (deg + 0.0).to_string());
+        let force = check.specific_force_g.map(|f| fixed(f, 5));
+        let cells = [vec![shows], angles.to_vec(), force.to_vec()];
+        cells.concat()
+    });
+    HtmlTable::new(
+        "What the accelerometers should read",
+        &[
+            "shows", "α, °", "β, °", "γ, °", "f_x, g", "f_y, g", "f_z, g",
+        ],
+        rows.collect(),
+    )
+}
+
 /// The positions, how each is reached and how gravity lies there.
 pub(super) fn positions(subject: &Subject) -> HtmlTable {
     let held = subject.timeline.positions();
@@ -43,7 +70,7 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
             _ => "return".to_owned(),
         };
         let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
-        let g = gravity(leg.position);
+        let g = gravity(&leg.attitude);
         let move_s = leg.arrival.map_or_else(
             || NONE.to_owned(),
             |m| match (frame_hold, m.measured) {

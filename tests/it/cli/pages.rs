@@ -90,6 +90,7 @@ fn a_search_writes_its_report_and_the_commands() {
         &[
             "Verdict",
             "Schedule",
+            "Angles and axes",
             "Commands for the stand",
             "Accuracy against time",
             "Observability",

@@ -110,7 +110,9 @@ fn the_truth_of_every_error_is_that_of_the_covariance() {
     let bases: [PlatformConfig; 4] = [
         serde_json::json!({ "motion": { "slew_rate_deg_per_s": 0.5, "settle_s": 25.0 } }),
         serde_json::json!({ "motion": { "slew_rate_deg_per_s": 0.5, "measure_moves": true },
-            "gyro": { "output_axis": { "X": "+y", "Y": [0.6, 0.0, -0.8], "Z": "-y" } } }),
+            "gyro": { "output_axis": { "X": "+y", "Y": [0.6, 0.0, -0.8], "Z": "-y" } },
+            "gimbals": { "axes": ["+z", "-x", "+z"] },
+            "stand": { "heading_deg": 25.0, "tilt_deg": [3.0, -70.0] } }),
         serde_json::json!({ "motion": { "return_to_start": true, "start_deg": [10, -50, 30] } }),
         serde_json::json!({ "motion": { "repositioning": "frame-hold" } }),
     ]

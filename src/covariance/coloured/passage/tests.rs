@@ -87,7 +87,8 @@ fn intervals_compose_at_a_position_and_in_a_move() {
     let m = Move::new([0.3, -0.8, 2.0], [3.0, -2.5, 1.9], 1500.0, false);
     for cut_s in [10.0, 700.0, 1470.0] {
         let held = |s| Passed::<f64>::held(&layout, &dynamics, Q, s);
-        let moved = |start, s| Passed::<f64>::moved(&layout, &dynamics, Q, &m, (start, s));
+        let moved =
+            |start, s| Passed::<f64>::moved(&layout, (&Stand::PAPER, &dynamics), Q, &m, (start, s));
         for (whole, parts) in [
             (held(1500.0), [held(cut_s), held(1500.0 - cut_s)]),
             (
@@ -110,7 +111,7 @@ fn a_move_that_does_not_move_is_a_position() {
     let (layout, dynamics) = (layout(), dynamics());
     let position = Position::from_deg(20.0, -50.0, 110.0);
     let m = Move::new(position.to_array(), [0.0; 3], 900.0, false);
-    let moved = Passed::<f64>::moved(&layout, &dynamics, Q, &m, (0.0, 900.0));
+    let moved = Passed::<f64>::moved(&layout, (&Stand::PAPER, &dynamics), Q, &m, (0.0, 900.0));
     let held = Passed::<f64>::held(&layout, &dynamics, Q, 900.0);
     let mut turn = DMatrix::identity(layout.states(), layout.states());
     for at in (3..layout.states()).step_by(3) {

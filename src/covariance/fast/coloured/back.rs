@@ -126,7 +126,7 @@ where
             }
             let rate = self.earth.vector();
             let (c, _) = sweep.place.pull(self.columns, self.earth, &at, &rate);
-            let angles = pull_to_angles(&at.c, self.legs.alpha(leg), &c);
+            let angles = pull_to_angles(self.earth.stand(), &at.c, self.legs.alpha(leg), &c);
             self.out[leg].add_angles(&angles);
             sweep.place = std::mem::replace(&mut sweep.before, self.nothing());
         }
@@ -457,7 +457,7 @@ where
     ) {
         let (place, fraction, alpha) = on_the_way(self.ar, self.columns, self.earth, s, end);
         let (c, _) = adjoint.pull(self.columns, self.earth, &place, &self.earth.vector());
-        let angles = pull_to_angles(&place.c, alpha, &c);
+        let angles = pull_to_angles(self.earth.stand(), &place.c, alpha, &c);
         let change = three!(|i| angles[i] * fraction);
         self.out[leg].add_angles(&change);
         self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));

@@ -83,7 +83,7 @@ fn forward<const S: usize, const I: usize>(
 ) -> (Vec<State>, Vec<Entries4>, Vec<f64>) {
     let Coloured { columns, wander } = coloured;
     let width = columns.width;
-    let earth = Earth::new(0.0, &model.dynamics, model.drift_psd);
+    let earth = Earth::new(0.0, &model.dynamics, &model.stand, model.drift_psd);
     let mut memory = Memory::<Plain, S, I>::take(false);
     let of = (columns, wander);
     let mut forward = Forward::new(Plain, of, legs, &earth, &mut memory, &model.prior_psi);

@@ -52,7 +52,7 @@ where
         let Self { ar, model, .. } = self;
         let Coloured { columns, wander } = self.coloured;
         let zero = ar.number(0.0);
-        let earth = Earth::new(zero, &model.dynamics, model.drift_psd);
+        let earth = Earth::new(zero, &model.dynamics, &model.stand, model.drift_psd);
         let mut memory = Memory::take(self.keeps_tape);
         let of = (columns, wander);
         Forward::new(ar, of, self.legs, &earth, &mut memory, &model.prior_psi).run(self.around);
@@ -127,7 +127,12 @@ where
     #[inline(always)]
     fn run(self) {
         let Self { ar, model, .. } = self;
-        let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+        let earth = Earth::new(
+            ar.number(0.0),
+            &model.dynamics,
+            &model.stand,
+            model.drift_psd,
+        );
         let backward = Backward {
             ar,
             columns: &self.coloured.columns,

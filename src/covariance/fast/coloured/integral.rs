@@ -157,8 +157,10 @@ fn at_node<N: Number>(
     }
     let mut c_adjoint = product(&transpose(&node.phi), &pulled);
     let rate = basis_adjoint::<_, Catalogue>(c, &body_rate, &features, &mut c_adjoint);
-    let (alpha, rates) = body_rate_adjoint(c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
-    let mut angles = pull_to_angles(c, node.alpha, &c_adjoint);
+    let stand = nodes.earth.stand();
+    let (alpha, rates) =
+        body_rate_adjoint(stand, c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
+    let mut angles = pull_to_angles(stand, c, node.alpha, &c_adjoint);
     angles[0] = angles[0] + alpha;
     (angles, rates)
 }

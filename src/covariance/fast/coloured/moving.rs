@@ -18,6 +18,7 @@
 
 use super::algebra::Matrix;
 use super::wander::{Share, Slot};
+use crate::attitude::StandFrame;
 use crate::covariance::coloured::passage::{NODES_IN_PANEL, panel_nodes};
 use crate::covariance::fast::arithmetic::{Number, three};
 use crate::covariance::fast::earth::Earth;
@@ -125,7 +126,7 @@ impl<N: Number> Panel<N> {
         for (k, (place, _)) in panel_nodes().nodes.iter().enumerate() {
             let t = length_s * length_s.constant(*place);
             let fraction = (start_s + t) / turn.duration_s;
-            let (c, alpha) = turn.attitude_at(fraction);
+            let (c, alpha) = turn.attitude_at(earth.stand(), fraction);
             let phi = earth.transition(length_s * (one - length_s.constant(*place)));
             panel.fraction[k] = fraction;
             panel.c[k] = c;
@@ -197,6 +198,7 @@ impl<N: Number> Panel<N> {
     #[inline(always)]
     pub fn pull<const S: usize>(
         &self,
+        stand: Option<&StandFrame>,
         slots: &[Slot],
         of_transition: &Matrix<N, 3, S>,
         of_p: &Matrix<N, S, S>,
@@ -217,7 +219,7 @@ impl<N: Number> Panel<N> {
         let (mut from, mut change) = ([zero; 3], [zero; 3]);
         for k in 0..NODES {
             let c_adjoint = product(&transpose(&self.phi[k]), &of_seen[k]);
-            let angles = pull_to_angles(&self.c[k], self.alpha[k], &c_adjoint);
+            let angles = pull_to_angles(stand, &self.c[k], self.alpha[k], &c_adjoint);
             for i in 0..3 {
                 from[i] = from[i] + angles[i];
                 change[i] = self.fraction[k].mul_add(angles[i], change[i]);

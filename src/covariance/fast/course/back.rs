@@ -222,7 +222,7 @@ where
             alpha,
         } = on_the_way;
         let (c, _) = adjoint.pull(&place.c, &self.earth.vector());
-        let angles = pull_to_angles(&place.c, *alpha, &c);
+        let angles = pull_to_angles(self.earth.stand(), &place.c, *alpha, &c);
         let change = three!(|i| angles[i] * *fraction);
         self.out[leg].add_angles(&change);
         self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));
@@ -242,6 +242,7 @@ where
             return *at;
         }
         let rate = body_rate(
+            self.earth.stand(),
             &at.c,
             self.legs.alpha(leg),
             &self.earth.vector(),

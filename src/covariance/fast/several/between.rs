@@ -122,7 +122,12 @@ pub(super) fn run<S: Simd, L: Alignment>(
 ) -> Information<Lanes<S, L>> {
     let ar = group.ar;
     let model = group.timelines[0].model;
-    let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+    let earth = Earth::new(
+        ar.number(0.0),
+        &model.dynamics,
+        &model.stand,
+        model.drift_psd,
+    );
     let start_p = between.map_or(&model.prior_psi, |b| &b.p);
     let mut gains = Own::new(ar, group, &earth, start_p);
     let from = match between {

@@ -131,7 +131,12 @@ impl LaneTask for Gradients<'_> {
         let model = self.batch.model;
         let group = self.batch.group(ar, self.of, true);
         let mut tape = take_tape(true);
-        let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+        let earth = Earth::new(
+            ar.number(0.0),
+            &model.dynamics,
+            &model.stand,
+            model.drift_psd,
+        );
         let mut gains = Own::new(ar, &group, &earth, &model.prior_psi);
         let chain = course::forward::<_, Drift>(ar, &group, &earth, &mut gains, &mut tape);
         let factor = ar.apart(Factorise(ar, &chain.e, &model.prior_scale));

@@ -58,7 +58,12 @@ impl<C: WideShape> LaneTask for Values<'_, C> {
             steps: Vec::new(),
         };
         let model = self.batch.model;
-        let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+        let earth = Earth::new(
+            ar.number(0.0),
+            &model.dynamics,
+            &model.stand,
+            model.drift_psd,
+        );
         for of in self.batch.groups(S::F64_LANES) {
             let group = self.batch.group(ar, &of, false);
             let posterior = posterior(&group, self.mixing, &earth, &mut tape);
@@ -137,7 +142,12 @@ impl<C: WideShape> LaneTask for Gradients<'_, C> {
         let model = self.batch.model;
         let group = self.batch.group(ar, self.of, true);
         let mut tape = take_tape::<_, C>(true);
-        let earth = Earth::new(ar.number(0.0), &model.dynamics, model.drift_psd);
+        let earth = Earth::new(
+            ar.number(0.0),
+            &model.dynamics,
+            &model.stand,
+            model.drift_psd,
+        );
         let posterior = posterior(&group, self.mixing, &earth, &mut tape);
         let mut slopes = Slopes::default();
         for (lane, &i) in self.of.iter().enumerate() {

@@ -98,7 +98,13 @@ where
         let s = self.legs.stretch(leg, index);
         // While the platform still turns.
         let alpha = self.legs.alpha(leg);
-        let rate = body_rate(&at.c, alpha, &earth.vector(), &s.turn.rates());
+        let rate = body_rate(
+            earth.stand(),
+            &at.c,
+            alpha,
+            &earth.vector(),
+            &s.turn.rates(),
+        );
         let turning = Place::new(ar, columns, earth, at.c, &rate);
         let length = self.length_adjoint(sweep, v, p, &turning) * s.last;
         let of = columns.collected(ar, &sweep.v[..3 * columns.width]);
@@ -126,7 +132,12 @@ where
         let t = &self.tape.passed[t];
         let of_transition = self.of_transition(sweep, t, (v, p));
         let at = Panel::new(self.earth, &s.turn, &part(&s, panel, count));
-        let (from, change) = at.pull(&self.wander.slots, &of_transition, &sweep.p);
+        let (from, change) = at.pull(
+            self.earth.stand(),
+            &self.wander.slots,
+            &of_transition,
+            &sweep.p,
+        );
         self.out[leg].add_angles(&change);
         self.out[leg - 1].add_angles(&three!(|i| from[i] - change[i]));
         let of_duration = -(dot(&s.turn.change, &change) / s.turn.duration_s);

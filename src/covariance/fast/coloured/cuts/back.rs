@@ -70,7 +70,7 @@ impl<'a, L: Wanders<Plain>> Backward<'a, L> {
             columns,
             wander,
             legs,
-            earth: Earth::new(0.0, &model.dynamics, model.drift_psd),
+            earth: Earth::new(0.0, &model.dynamics, &model.stand, model.drift_psd),
             states,
             inputs: if states == MOST { 4 } else { 3 },
             // The walk is 0.

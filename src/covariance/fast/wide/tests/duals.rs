@@ -266,7 +266,7 @@ fn log_rms(model: &CovarianceModel, timeline: &Timeline, leg: usize, along: Alon
         along,
     };
     let mixing = Mixing::of_catalogue(&model.errors);
-    let earth = Earth::new(known(0.0), &model.dynamics, model.drift_psd);
+    let earth = Earth::new(known(0.0), &model.dynamics, &model.stand, model.drift_psd);
     let mut tape = Tape::<_, Catalogue> {
         on: false,
         steps: Vec::new(),
