@@ -538,6 +538,7 @@ impl From<&Suggestion> for SuggestionRecord {
                 move_s: None,
                 move_measured: None,
                 change_deg: None,
+                pinned: false,
                 notes: Notes::new(),
             },
             before: s.before,

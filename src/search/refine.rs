@@ -64,6 +64,7 @@ fn refine_in(
     smoothing: Smoothing,
     iterations: u64,
 ) -> Option<Refined> {
+    let variables = &variables.of(plan);
     let start = variables.encode(plan);
     let (merit, x) = minimise(context, variables, start, smoothing, iterations)?;
     let plan = variables.decode(&x)?;

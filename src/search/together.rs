@@ -59,16 +59,17 @@ pub(super) fn share_of_a_thread(count: usize) -> usize {
 }
 
 /// A plan on its way.
-struct Active {
+struct Active<'a> {
     index: usize,
+    variables: Variables<'a>,
     search: Lbfgs,
 }
 
-impl Active {
-    fn outcome(self, variables: &Variables<'_>) -> Outcome {
+impl Active<'_> {
+    fn outcome(self) -> Outcome {
         let Minimised { best, ended } = self.search.into_minimised();
         let refined = best.and_then(|(merit, x)| {
-            let plan = variables.decode(&x)?;
+            let plan = self.variables.decode(&x)?;
             Some(Refined { plan, merit })
         });
         Outcome {
@@ -91,25 +92,27 @@ pub(super) fn refine_side_by_side(
     let test = context.evaluator.test();
     let variables = Variables::angles_and_dwells(test, context.problem.total_time_s);
     let mut waiting: VecDeque<(usize, Plan)> = plans.into_iter().enumerate().collect();
-    let mut active: Vec<Active> = Vec::with_capacity(SIDE_BY_SIDE);
+    let mut active: Vec<Active<'_>> = Vec::with_capacity(SIDE_BY_SIDE);
     loop {
         while active.len() < SIDE_BY_SIDE
             && let Some((index, plan)) = waiting.pop_front()
         {
+            let variables = variables.of(&plan);
             active.push(Active {
                 index,
                 search: Lbfgs::new(variables.encode(&plan), iterations),
+                variables,
             });
         }
         if active.is_empty() {
             return;
         }
-        let progress = advance(context, &variables, smoothing, &mut active);
+        let progress = advance(context, smoothing, &mut active);
         let stop = context.must_stop();
         // From the last on, so that removing one does not shift those still to come.
         for k in (0..active.len()).rev() {
             if stop || matches!(progress[k], Advance::Ended(_)) {
-                hand_over(active.remove(k).outcome(&variables));
+                hand_over(active.remove(k).outcome());
             }
         }
         if stop {
@@ -125,17 +128,12 @@ pub(super) fn refine_side_by_side(
 }
 
 /// Value and gradient for every minimisation, evaluated together.
-fn advance(
-    context: Context<'_>,
-    variables: &Variables<'_>,
-    smoothing: Smoothing,
-    active: &mut [Active],
-) -> Vec<Advance> {
+fn advance(context: Context<'_>, smoothing: Smoothing, active: &mut [Active<'_>]) -> Vec<Advance> {
     let mut timelines = Vec::with_capacity(active.len());
     let planned: Vec<bool> = active
         .iter()
         .map(|a| {
-            let timeline = variables.timeline(a.search.point());
+            let timeline = a.variables.timeline(a.search.point());
             let planned = timeline.is_some();
             timelines.extend(timeline);
             planned
@@ -151,7 +149,7 @@ fn advance(
             let Some((timeline, Ok((value, legs)))) = answer else {
                 return a.search.tell(None);
             };
-            let gradient = variables.pull_back(a.search.point(), timeline, &legs);
+            let gradient = a.variables.pull_back(a.search.point(), timeline, &legs);
             a.search.tell(Some((value, &gradient)))
         })
         .collect()

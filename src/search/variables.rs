@@ -7,7 +7,7 @@
 //! takes exactly the total time, and the exact gradient is pulled back through the same map.
 //! The whole turns of every way stay as they are while the variables move (`super::ways`).
 
-use super::plan::Plan;
+use super::plan::{Pin, Plan};
 use crate::covariance::gradient::LegGradient;
 use crate::motion::{Test, Timeline};
 use crate::platform::{GimbalRange, Platform};
@@ -72,6 +72,9 @@ pub struct Variables<'a> {
     total_time_s: f64,
     /// Dwells that stay as they are; none: dwells vary too.
     fixed_dwell_s: Option<Vec<f64>>,
+    /// Positions that keep their angles, and those with the turns that the ways give them; empty
+    /// where none does.
+    held: Vec<Option<(Pin, [f64; 3])>>,
 }
 
 /// Free variables per position.
@@ -85,7 +88,33 @@ impl<'a> Variables<'a> {
             maps: test.platform().gimbals().ranges.map(AngleMap::new),
             total_time_s,
             fixed_dwell_s: None,
+            held: Vec::new(),
         }
+    }
+
+    /// The same for `plan`, whose positions that keep their angles stay where they are.
+    pub(super) fn of(&self, plan: &Plan) -> Self {
+        let mut variables = self.clone();
+        if plan.holds_any() {
+            let unwound = plan.unwound(self.test);
+            let held = plan.pins.iter().zip(unwound);
+            variables.held = held.map(|(pin, at)| Some(((*pin)?, at))).collect();
+        }
+        variables
+    }
+
+    /// The plan of angles that are not wrapped.
+    fn plan(&self, mut angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Plan {
+        if self.held.is_empty() {
+            return Plan::of_unwound(self.test, angles, dwell_s);
+        }
+        for (angles, held) in angles.iter_mut().zip(&self.held) {
+            if let Some((_, at)) = held {
+                *angles = *at;
+            }
+        }
+        let pins = self.held.iter().map(|held| Some((*held)?.0)).collect();
+        Plan::of_unwound(self.test, angles, dwell_s).holding(pins)
     }
 
     /// Only the angles vary; for platforms whose moves take no time of their own.
@@ -128,12 +157,12 @@ impl<'a> Variables<'a> {
             .map(|c| std::array::from_fn(|i| self.maps[i].angle(c[i])))
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
-            let plan = Plan::of_unwound(self.test, angles, dwell_s.clone());
+            let plan = self.plan(angles, dwell_s.clone());
             let timeline = plan.timeline(self.test);
             return Some((plan, timeline));
         }
         let count = angles.len();
-        let mut plan = Plan::of_unwound(self.test, angles, vec![0.0; count]);
+        let mut plan = self.plan(angles, vec![0.0; count]);
         let min_dwell_s = self.test.platform().shortest_dwell_s();
         let timeline = plan.timeline(self.test);
         let spare = self.total_time_s - timeline.overhead_s() - count as f64 * min_dwell_s;
@@ -186,8 +215,12 @@ impl Coordinates for Variables<'_> {
         };
         let mut gradient = Vec::with_capacity(x.len());
         for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
+            let stays = self.held.get(k).is_some_and(Option::is_some);
             for i in 0..3 {
-                gradient.push(angles[held.start + k][i] * self.maps[i].slope(c[i]));
+                gradient.push(match stays {
+                    true => 0.0,
+                    false => angles[held.start + k][i] * self.maps[i].slope(c[i]),
+                });
             }
             let dwell = legs[held.start + k].dwell_s;
             gradient.push(spare * shares[k] * (dwell - mean_dwell));
