@@ -186,6 +186,14 @@ impl CommandTable {
         &self.commands
     }
 
+    /// The commands from a time on, s since the start of the test.
+    pub(crate) fn since(mut self, start_s: f64) -> Self {
+        // Sums of the same times differ in their last digits.
+        let slack_s = 1e-9 * start_s.max(1.0);
+        self.commands.retain(|c| c.start_s >= start_s - slack_s);
+        self
+    }
+
     /// The table as CSV with a header line, in numbers with twelve decimals at most: a rate is held
     /// for a thousand seconds, and hundreds of rows follow each other.
     pub fn to_csv(&self) -> String {

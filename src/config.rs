@@ -208,6 +208,11 @@ impl CheckedConfig {
         self.test = self.test.interrupted_after(done)?;
         Ok(self)
     }
+    /// Lets a search use so many positions, if that is more.
+    pub(crate) fn allow_positions(&mut self, count: usize) {
+        let most = self.config.search.max_positions.get_or_insert(count);
+        *most = count.clamp(*most, (*most).max(crate::search::given::MOST_POSITIONS));
+    }
     /// What is to be achieved.
     pub fn objective(&self) -> &ObjectiveConfig {
         &self.config.objective

@@ -13,6 +13,7 @@ mod common;
 mod comparison;
 mod counters;
 mod evaluation;
+mod given;
 mod json;
 mod layout;
 mod limits;
@@ -42,6 +43,7 @@ pub use evaluation::{
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,
     PrecisionRecord, ScoreRecord, ScoreWeights,
 };
+pub use given::{DoneRecord, FromRecord};
 pub(crate) use limits::Change;
 pub use limits::LimitRecord;
 pub use named::{

@@ -169,6 +169,22 @@ pub(super) struct SearchArgs {
         allow_negative_numbers = true
     )]
     pub starts: Option<usize>,
+    /// Begin with this schedule too: the result is never worse than it. Positions pinned in the file
+    /// keep their angles and their order
+    #[arg(long, value_name = "SCHEDULE", help_heading = "The scheme one has")]
+    pub from: Option<PathBuf>,
+    /// Change nothing else of it: its dwells, its order, or `dwells,order`
+    #[arg(
+        long,
+        value_name = "WHAT",
+        value_delimiter = ',',
+        requires = "from",
+        help_heading = "The scheme one has"
+    )]
+    pub only: Vec<Changeable>,
+    /// This has been run already, the last dwell as long as it was: plan the rest of the test
+    #[arg(long, value_name = "SCHEDULE", help_heading = "The scheme one has")]
+    pub done: Option<PathBuf>,
     /// Continue an interrupted search from the checkpoint in the output directory
     #[arg(long)]
     pub resume: bool,
@@ -185,6 +201,15 @@ pub(super) struct SearchArgs {
     pub reproducible: bool,
     #[command(flatten)]
     pub common: Common,
+}
+
+/// What alone a search may change of the scheme it begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Changeable {
+    /// How long positions are held
+    Dwells,
+    /// The order of the positions
+    Order,
 }
 
 /// A schedule, and the platform it is for.

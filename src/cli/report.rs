@@ -30,6 +30,9 @@ pub(super) fn search(
     if let Some(certificate) = document.certificate.as_ref().filter(|_| !known) {
         text.push_str(&wrap(&words::within(certificate)));
     }
+    if let Some(from) = &document.from {
+        text.push_str(&wrap(&words::from(document, from)));
+    }
     if let Some(claims) = words::claims(found) {
         text.push_str(&wrap(&claims));
     }

@@ -10,10 +10,11 @@ use indicatif::ProgressBar;
 use crate::commands::CommandTable;
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
-use crate::search::{Control, Status};
+use crate::schedule::{Schedule, file};
+use crate::search::{Control, Freedom, StartingScheme, Status};
 use crate::study::{SearchResult, Study};
 
-use super::args::SearchArgs;
+use super::args::{Changeable, SearchArgs};
 use super::checkpoint::Checkpoint;
 use super::exit::Exit;
 use super::files::{Litter, OutputFiles};
@@ -33,6 +34,7 @@ const FILES: [&str; 5] = [
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let study = inputs::load(args.platform.as_deref(), &args.common, args.starts)?;
+    let study = with_schemes(study, args, output)?;
     let is_open = study
         .defaulted()
         .iter()
@@ -83,6 +85,31 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         Status::Infeasible => Exit::NoSchedule,
         Status::Interrupted => Exit::Interrupted,
     })
+}
+
+/// The study with what is done of its test, and the scheme that the search begins with.
+fn with_schemes(mut study: Study, args: &SearchArgs, output: Output) -> Result<Study> {
+    if let Some(path) = &args.done {
+        let (schedule, _) = inputs::on_platform(path, &study)?;
+        inputs::warn_of_schedule(path, &schedule, &study, output);
+        study = study.after(schedule)?;
+    }
+    let Some(path) = &args.from else {
+        return Ok(study);
+    };
+    let name = path.display().to_string();
+    let has = |what: Changeable| args.only.contains(&what);
+    let freedom = match (has(Changeable::Dwells), has(Changeable::Order)) {
+        (false, false) => Freedom::Everything,
+        (true, false) => Freedom::Dwells,
+        (false, true) => Freedom::Order,
+        (true, true) => Freedom::DwellsAndOrder,
+    };
+    let begun =
+        |schedule: &Schedule| StartingScheme::new(name.clone(), schedule.clone()).only(freedom);
+    let (schedule, ()) = file::read_and(path, &|schedule| study.check_start(&begun(schedule)))?;
+    inputs::warn_of_schedule(path, &schedule, &study, output);
+    study.starting_from(begun(&schedule))
 }
 
 /// The files' contents, in the order of [`FILES`].

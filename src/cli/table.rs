@@ -131,7 +131,8 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
             let held = timeline.positions();
             let number = match i {
                 _ if held.contains(&i) => (i - held.start + 1).to_string(),
-                0 => "start".to_owned(),
+                0 if platform.motion().start.is_some() => "start".to_owned(),
+                _ if i < held.start => "done".to_owned(),
                 _ => "return".to_owned(),
             };
             let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));

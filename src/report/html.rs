@@ -59,7 +59,12 @@ use verdict::{OnSpecification, accuracy_words, gain, search_words, side_by_side,
 /// As [`Evaluator::evaluate`](crate::evaluate::Evaluator::evaluate), for a document that does not
 /// fit this version; [`Error::is_input`] when its inputs are not acceptable.
 pub fn result(document: &ResultDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        document.done.as_ref(),
+    )?;
     let mut verdict = words::preface(document);
     let known = document.evaluation.score.known_before.is_some();
     verdict.extend(accuracy_words(&subject, words::specification));
@@ -68,6 +73,12 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     if !known && document.unobservable.is_acceptable() {
         verdict.extend(gain(&document.baselines));
     }
+    verdict.extend(
+        document
+            .from
+            .as_ref()
+            .map(|from| words::from(document, from)),
+    );
     verdict.extend(words::claims(&document.evaluation));
     verdict.extend(weakness(&subject));
     verdict.push(search_words(document));
@@ -117,7 +128,12 @@ pub fn result(document: &ResultDocument) -> Result<String> {
 ///
 /// As [`result`].
 pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        document.done.as_ref(),
+    )?;
     let (verdict, standing) = standing(&subject, words::specification);
     let mut sections = vec![Section::new(
         "verdict",
@@ -145,7 +161,12 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
 ///
 /// As [`result`].
 pub fn simulation(document: &SimulationDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        None,
+    )?;
     let (planned, standing) = standing(&subject, words::planned_specification);
     let mut verdict = words::simulated(document);
     verdict.extend(planned);
@@ -226,7 +247,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
         .iter()
         .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
         .ok_or_else(|| Error::input("the comparison holds no schedule").with_key("schedules"))?;
-    let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted, None)?;
     let name = tables::name(&best.name, best.order);
     let mut verdict = vec![side_by_side(document, best, &name)];
     verdict.extend(accuracy_words(&subject, words::specification));

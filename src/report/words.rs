@@ -5,8 +5,8 @@ use crate::drift::DriftCoefficient;
 use crate::model::Colour;
 use crate::platform::Platform;
 use crate::results::{
-    CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
-    RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
+    CertificateRecord, ComparedWith, DoneRecord, EvaluationDocument, FromRecord, ParameterRecord,
+    ResultDocument, RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
 };
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
@@ -16,9 +16,72 @@ use crate::wording::{listed, number, seconds, separability};
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
     let mut words = Vec::new();
+    words.extend(document.done.as_ref().map(done));
     words.extend(unobservable(document));
     words.extend(known_before(&document.evaluation));
     words
+}
+
+/// What of the test is done already.
+pub fn done(done: &DoneRecord) -> String {
+    let count = done.schedule.positions.len();
+    format!(
+        "Done already: {count} position{} in {} s. What follows is the rest; times count from the \
+         beginning of the test.",
+        if count == 1 { "" } else { "s" },
+        seconds(done.total_time_s)
+    )
+}
+
+/// How the result stands to the scheme that the search began with.
+pub fn from(document: &ResultDocument, from: &FromRecord) -> String {
+    let name = &from.name;
+    let mut words = Vec::new();
+    if !from.only.is_empty() {
+        words.push(format!(
+            "Of {name} only the {} may change.",
+            listed(&from.only)
+        ));
+    }
+    let score = &document.evaluation.score;
+    let reaches = from
+        .criterion
+        .zip(from.total_time_s)
+        .map(|(criterion, time_s)| {
+            format!(
+                "{name} itself reaches {}{} in {} s",
+                number(criterion),
+                unit(&score.criterion_unit),
+                seconds(time_s)
+            )
+        });
+    let compares = score.known_before.is_none();
+    match (reaches, from.is_the_result) {
+        (_, true) => words.push(format!(
+            "Nothing better than {name} was found: this is the scheme as it was given."
+        )),
+        (Some(reaches), false) if compares => {
+            words.push(format!("{reaches}: this is {} it.", compared(from.ratio)))
+        }
+        (Some(reaches), false) => words.push(format!("{reaches}.")),
+        (None, false) => {}
+    }
+    if !from.beyond.is_empty() {
+        words.push(format!(
+            "{name} is not within the limits of this search: {}. Its nearest form within them was one \
+             of the starts, and for that reason the result need not be as good as it.",
+            from.beyond.join("; ")
+        ));
+    }
+    if !from.pinned.is_empty() {
+        let numbers: Vec<String> = from.pinned.iter().map(ToString::to_string).collect();
+        let s = if numbers.len() == 1 { "" } else { "s" };
+        words.push(format!(
+            "Its pinned position{s} {} kept angles and order.",
+            listed(&numbers)
+        ));
+    }
+    words.join(" ")
 }
 
 /// That the criterion is 0 whatever the schedule; none where it is not.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::given::DoneRecord;
 use super::limits::LimitRecord;
 use super::named::NamedObservabilityRecord;
 use super::parameters::{self, BudgetRecord, ParameterRecord};
@@ -62,6 +63,9 @@ pub struct EvaluationDocument {
     /// out (schedules of a comparison, the rest of a test).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitRecord>,
+    /// What of the test is done already; left out at the beginning of a test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub done: Option<DoneRecord>,
     /// What the schedule makes observable.
     pub observability: ObservabilityRecord,
     /// σ against time.
@@ -326,6 +330,7 @@ impl EvaluationDocument {
             parameters: parameters::of(evaluation, objective),
             budget: parameters::budget(evaluation),
             limits: Vec::new(),
+            done: inputs.done.clone(),
             observability: ObservabilityRecord::new(evaluation),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,

@@ -6,6 +6,7 @@ use super::bound::{CertificateRecord, front_bounds};
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::counters::CounterRecord;
 use super::evaluation::EvaluationDocument;
+use super::given::{DoneRecord, FromRecord};
 use crate::analysis::Unobservable;
 #[cfg(feature = "cli")]
 use crate::analysis::not_observed;
@@ -63,6 +64,12 @@ pub struct ResultDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// The scheme that the search began with; left out when it began with none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<FromRecord>,
+    /// What of the test was done already; left out at the beginning of a test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub done: Option<DoneRecord>,
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<WarningRecord>,
@@ -204,6 +211,8 @@ impl ResultDocument {
             wall_time_s: wall_time_s.and_then(finite),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            from: None,
+            done: inputs.done.clone(),
             warnings: warnings(inputs, Some(&outcome.schedule)),
         }
     }

@@ -5,7 +5,7 @@
 //! search keeps to ([`StartingScheme::beyond`]). Then its nearest allowed form is a start all the same.
 //!
 //! A **pinned** position keeps its angles, as they are written, and its place among the pinned ones;
-//! pinned first and last positions stay first and last. Dwells are free, no shorter than the shortest
+//! a pinned first position stays first and a pinned last one last (a single one: first). Dwells are free, no shorter than the shortest
 //! dwell. What is free comes before, between and behind them.
 //!
 //! With a [`Freedom`] of less than everything all positions stay ([`super::only`]).
@@ -356,7 +356,7 @@ impl SearchProblem {
         let there = plan.pins.iter().filter_map(index).filter(|k| pinned(*k));
         there.eq(from.pinned())
             && (!pinned(0) || at(plan.pins.first()) == Some(0))
-            && (!pinned(last) || at(plan.pins.last()) == Some(last))
+            && (last == 0 || !pinned(last) || at(plan.pins.last()) == Some(last))
     }
 }
 

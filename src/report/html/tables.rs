@@ -36,10 +36,12 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
     let times = subject.leg_times_s();
     let frame_hold =
         subject.study.test().platform().motion().repositioning == Repositioning::FrameHold;
+    let has_start = subject.study.test().platform().motion().start.is_some();
     let rows = subject.timeline.legs().iter().enumerate().map(|(i, leg)| {
         let name = match i {
             _ if held.contains(&i) => (i - held.start + 1).to_string(),
-            _ if i < held.start => "start".to_owned(),
+            0 if has_start => "start".to_owned(),
+            _ if i < held.start => "done".to_owned(),
             _ => "return".to_owned(),
         };
         let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
