@@ -30,6 +30,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 
 use crate::attitude::{Attitude, Position};
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
 use crate::motion::{Leg, Timeline};
 use crate::platform::Platform;
@@ -245,6 +246,10 @@ pub struct CommandDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(skip_serializing_if = "TestConfig::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(default))]
+    pub test: TestConfig,
     /// The commands in order.
     pub commands: Vec<CommandRecord>,
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
@@ -303,6 +308,7 @@ impl CommandTable {
         CommandDocument {
             schema: COMMANDS_SCHEMA.to_owned(),
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            test: TestConfig::default(),
             commands: self.commands.iter().map(Into::into).collect(),
             warnings: Vec::new(),
         }

@@ -53,7 +53,7 @@ pub use named::{
 };
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{
-    BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
+    BaselineRecord, BestOrderRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
     UnobservableRecord,
 };
 #[cfg(feature = "report")]

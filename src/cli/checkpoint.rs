@@ -85,6 +85,19 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
+    /// Refuses a directory with the checkpoint of an unfinished search, which a new one would replace.
+    pub(super) fn refuse_unfinished(directory: &Path) -> Result<()> {
+        let path = directory.join(FILE);
+        match path.exists() {
+            true => Err(
+                Error::input("an unfinished search is there, and --no-clobber keeps it")
+                    .with_file(path)
+                    .with_hint("--resume continues it; or choose another directory with -o"),
+            ),
+            false => Ok(()),
+        }
+    }
+
     /// What is done.
     pub(super) fn journal(&self) -> Arc<Journal> {
         Arc::clone(&self.journal)

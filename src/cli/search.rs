@@ -17,7 +17,7 @@ use crate::study::{SearchResult, Study};
 use super::args::{Changeable, SearchArgs};
 use super::checkpoint::Checkpoint;
 use super::exit::Exit;
-use super::files::{Litter, OutputFiles};
+use super::files::{Existing, Litter, OutputFiles};
 use super::output::Output;
 use super::progress::ProgressDisplay;
 use super::{inputs, page, report};
@@ -47,7 +47,11 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
             "up to {most} positions: the drift wanders, and more and shorter dwells pay"
         ));
     }
-    let files = OutputFiles::prepare(&args.output, &FILES)?;
+    let existing = args.existing.choice();
+    if existing == Existing::Keep {
+        Checkpoint::refuse_unfinished(&args.output)?;
+    }
+    let files = OutputFiles::prepare(&args.output, &FILES, existing)?;
     let interval = checkpoint_interval(args)?;
     let checkpoint = Checkpoint::open(&args.output, &study, args.resume, output)?;
     let (stop_saving, stopped) = mpsc::channel();
@@ -67,7 +71,7 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         output.message(&format!("note: no checkpoint is kept: {e}"));
     }
     // The result of a long search is shown even where it cannot be written.
-    let committed = files.commit(&contents(&study, &found, output)?);
+    let committed = files.commit(&contents(&study, &found, output)?, output);
     show(
         args,
         &study,
@@ -145,12 +149,8 @@ fn show(
     }
     let timeline = Timeline::new(study.test(), found.schedule())?;
     let document = found.document();
-    output.data(&report::search(
-        document,
-        study.test().platform(),
-        &timeline,
-        &written,
-    ))
+    let text = report::search(document, study.test().platform(), &timeline, &written);
+    output.data(&report::headed(&document.test, text))
 }
 
 /// The search, watched and stoppable.

@@ -38,6 +38,7 @@ use askama::Template;
 
 use crate::baseline::baselines;
 use crate::certificate::Certifier;
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
 use crate::report::words;
@@ -119,7 +120,11 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     sections.push(basis(&subject, command, Some(document.seed))?);
     let total = seconds(document.evaluation.total_time_s);
     let title = format!("Torquing scheme found: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a schedule that was given.
@@ -152,7 +157,11 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     sections.push(basis(&subject, command, None)?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme evaluated: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a simulation.
@@ -233,7 +242,11 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     sections.push(basis(&subject, &command, Some(document.seed))?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme simulated: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a comparison: side by side, and then the best of them in full.
@@ -286,6 +299,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     sections.push(basis(&subject, &command, None)?);
     page(
         &format!("Torquing schemes compared; best: {name}"),
+        Some(&document.inputs.test),
         with_warnings(&document.warnings, sections),
     )
 }
@@ -344,9 +358,10 @@ fn with_warnings(warnings: &[WarningRecord], mut sections: Vec<Section>) -> Vec<
     sections
 }
 
-fn page(title: &str, sections: Vec<Section>) -> Result<String> {
+fn page(title: &str, test: Option<&TestConfig>, sections: Vec<Section>) -> Result<String> {
     let page = Page {
         title: title.to_owned(),
+        test: test.and_then(words::test),
         tool_version: TOOL_VERSION,
         sections,
     };
@@ -363,7 +378,7 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
 pub fn absent(why: &Error) -> Result<String> {
     let text = format!("This report could not be made: {why}. The document has the result.");
     let section = Section::new("verdict", "No report", vec![Block::Text(text)]);
-    page("Torquing scheme", vec![section])
+    page("Torquing scheme", None, vec![section])
 }
 
 /// The unit as this page writes it: sentences shared with the terminal have it in plain letters.

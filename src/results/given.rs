@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::common::finite;
+use crate::config::Mode;
 use crate::motion::{Test, Timeline};
 use crate::schedule::file::ScheduleDocument;
 use crate::search::{SearchOutcome, StartingScheme};
@@ -27,7 +28,12 @@ pub struct FromRecord {
     /// The same divided by that of the schedule found, in mode `pareto` by that of the best test no
     /// longer than it: how many times better the result is.
     pub ratio: Option<f64>,
-    /// Its score, which is what the result is never worse by; null where it cannot be told.
+    /// In mode `time`, where both meet the specification, how many times as long it takes as the schedule
+    /// found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_ratio: Option<f64>,
+    /// Its score, which is what the result is never worse by (in mode `time`: its duration, where it meets
+    /// the specification); null where it cannot be told.
     pub score: Option<f64>,
     /// How long it takes, s.
     pub total_time_s: Option<f64>,
@@ -43,7 +49,7 @@ pub struct FromRecord {
 
 impl FromRecord {
     /// Of a scheme and what came of it; none where the search did not begin with one.
-    pub(crate) fn new(from: &StartingScheme, outcome: &SearchOutcome) -> Option<Self> {
+    pub(crate) fn new(from: &StartingScheme, mode: Mode, outcome: &SearchOutcome) -> Option<Self> {
         let given = outcome.from.as_ref()?;
         let evaluation = given.evaluation.as_ref();
         let beside = |total_time_s: f64| {
@@ -62,6 +68,10 @@ impl FromRecord {
             pinned: from.pinned().map(|k| k + 1).collect(),
             criterion: evaluation.and_then(|e| finite(e.score.criterion)),
             ratio: ratio.and_then(finite),
+            time_ratio: evaluation
+                .filter(|e| mode == Mode::Time && e.score.criterion <= 1.0)
+                .filter(|_| outcome.evaluation.score.criterion <= 1.0)
+                .and_then(|e| finite(e.total_time_s / outcome.evaluation.total_time_s)),
             score: evaluation.and_then(|e| finite(e.score.value)),
             total_time_s: evaluation.map(|e| e.total_time_s),
             beyond: given.beyond.clone(),

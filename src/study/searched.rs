@@ -159,7 +159,7 @@ impl Study {
             &self.inputs(),
         );
         let from = self.from.as_ref();
-        document.from = from.and_then(|from| FromRecord::new(from, outcome));
+        document.from = from.and_then(|from| FromRecord::new(from, objective.mode, outcome));
         document.evaluation.limits = self.limits(&outcome.schedule);
         let certifier = Certifier::new(self.checked.test().platform());
         let certificate = CertificateRecord::new(

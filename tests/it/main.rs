@@ -28,6 +28,7 @@ mod named;
 mod near_aligned;
 mod observability;
 mod odd_platforms;
+mod own_scheme;
 mod physics;
 mod precision;
 mod reconstruction;

@@ -294,7 +294,9 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Html
         ratio: Some(1.0),
         criterion: d.score.criterion,
         criterion_ratio: Some(1.0),
+        best_order: None,
     };
+    let with_orders = baselines.iter().any(|b| b.best_order.is_some());
     let rows = std::iter::once(&this).chain(baselines).map(|b| {
         let mut row = vec![
             b.name.clone(),
@@ -305,12 +307,19 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Html
         if with_criterion {
             row.extend([number(b.criterion), ratio(b.criterion_ratio)]);
         }
+        if with_orders {
+            let best = b.best_order.as_ref();
+            row.push(best.map_or_else(|| NONE.to_owned(), |best| ratio(best.criterion_ratio)));
+        }
         row
     });
     let criterion = format!("criterion {}", d.score.criterion_name);
     let mut columns = vec!["scheme", "positions", "RMS σ, °/h", "ratio"];
     if with_criterion {
         columns.extend([criterion.as_str(), "its ratio"]);
+    }
+    if with_orders {
+        columns.push("ratio in best order");
     }
     HtmlTable::new(
         "Standard schemes in the same time",
