@@ -30,6 +30,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 
 use crate::attitude::{Attitude, Position, Stand};
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
 use crate::motion::{Leg, Timeline};
 use crate::platform::Platform;
@@ -187,6 +188,14 @@ impl CommandTable {
         &self.commands
     }
 
+    /// The commands from a time on, s since the start of the test.
+    pub(crate) fn since(mut self, start_s: f64) -> Self {
+        // Sums of the same times differ in their last digits.
+        let slack_s = 1e-9 * start_s.max(1.0);
+        self.commands.retain(|c| c.start_s >= start_s - slack_s);
+        self
+    }
+
     /// The table as CSV with a header line, in numbers with twelve decimals at most: a rate is held
     /// for a thousand seconds, and hundreds of rows follow each other.
     pub fn to_csv(&self) -> String {
@@ -238,6 +247,10 @@ pub struct CommandDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(skip_serializing_if = "TestConfig::is_empty")]
+    #[cfg_attr(feature = "schema", schemars(default))]
+    pub test: TestConfig,
     /// The commands in order.
     pub commands: Vec<CommandRecord>,
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
@@ -296,6 +309,7 @@ impl CommandTable {
         CommandDocument {
             schema: COMMANDS_SCHEMA.to_owned(),
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            test: TestConfig::default(),
             commands: self.commands.iter().map(Into::into).collect(),
             warnings: Vec::new(),
         }

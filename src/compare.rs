@@ -5,11 +5,13 @@ use serde::{Deserialize, Serialize};
 use crate::baseline::check_dwells;
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
-use crate::schedule::Schedule;
+use crate::motion::Timeline;
 use crate::schedule::standard::StandardScheme;
+use crate::schedule::{Schedule, ScheduledPosition};
 
 mod ordering;
 
+pub(crate) use ordering::Reorderer;
 pub use ordering::{MOST_PROVEN, Proof};
 
 /// A schedule to compare.
@@ -67,7 +69,7 @@ pub struct Terms {
     pub total_time_s: f64,
     /// Whether given schedules are scaled to it.
     pub scale: bool,
-    /// Whether standard schemes are tried in their best order too.
+    /// Whether schedules are tried in their best order too.
     pub best_order: bool,
     /// Seed of the random orders.
     pub seed: u64,
@@ -88,8 +90,8 @@ pub struct ComparedSchedule {
     pub outcome: Result<(Schedule, Evaluation)>,
 }
 
-/// Every contender on the evaluator's platform, in order; a standard scheme in its best order
-/// comes after the scheme itself. Runs on the rayon pool it is called from.
+/// Every contender on the evaluator's platform, in order; a schedule in its best order comes after the
+/// schedule itself. Runs on the rayon pool it is called from.
 ///
 /// ```
 /// use scheme_opt::internals::compare::{ComparisonEntry, MOST_STEPS, Source, Terms, compare};
@@ -133,7 +135,21 @@ pub fn compare(
                     true => schedule.scaled_to(evaluator.test(), terms.total_time_s),
                     false => Ok(schedule.clone()),
                 };
-                all.push(as_given(schedule));
+                all.push(as_given(schedule.clone()));
+                if terms.best_order {
+                    let total_time_s = match (&schedule, terms.scale) {
+                        // As they are, all orders take the time of the given one.
+                        (Ok(s), false) => Timeline::new(evaluator.test(), s)
+                            .map_or(terms.total_time_s, |t| t.total_time_s()),
+                        _ => terms.total_time_s,
+                    };
+                    let terms = Terms {
+                        total_time_s,
+                        ..*terms
+                    };
+                    let schedule = schedule.and_then(without_own_moves);
+                    all.push(in_best_order(evaluator, &contender.name, schedule, &terms));
+                }
             }
             Source::Standard(scheme) => {
                 let schedule = of_scheme(evaluator, *scheme, terms);
@@ -147,6 +163,18 @@ pub fn compare(
     all
 }
 
+/// A schedule whose positions can be reached from anywhere.
+fn without_own_moves(schedule: Schedule) -> Result<Schedule> {
+    let own = |p: &ScheduledPosition| p.move_s.is_some() || p.move_measured.is_some();
+    match schedule.positions().iter().position(own) {
+        None => Ok(schedule),
+        Some(k) => Err(
+            Error::input("a move of its own belongs to the order as it is")
+                .with_key(format!("positions[{k}].move_s")),
+        ),
+    }
+}
+
 /// The scheme in whole filter periods, no dwell shorter than the shortest.
 fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Result<Schedule> {
     let test = evaluator.test();
@@ -155,7 +183,7 @@ fn of_scheme(evaluator: &Evaluator, scheme: StandardScheme, terms: &Terms) -> Re
     schedule.scaled_to(test, terms.total_time_s)
 }
 
-/// The scheme in the best order that is found, or what is wrong with it as it is `given`.
+/// The schedule in the best order that is found, or what is wrong with it as it is `given`.
 fn in_best_order(
     evaluator: &Evaluator,
     name: &str,
@@ -170,7 +198,16 @@ fn in_best_order(
             most_steps,
             ..
         } = *terms;
-        ordering::best_order(evaluator, &positions, total_time_s, seed, most_steps)
+        let dwell_s: Vec<f64> = given.positions().iter().map(|p| p.dwell_s).collect();
+        let [least, most] = dwell_s
+            .iter()
+            .fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| {
+                [a.min(*d), b.max(*d)]
+            });
+        // What is left over of equal dwells in whole periods makes some of them a period longer.
+        let period_s = evaluator.test().platform().period_s();
+        let own = (most - least > period_s * (1.0 + 1e-9)).then_some(&dwell_s[..]);
+        ordering::best_order(evaluator, &positions, own, total_time_s, seed, most_steps)
             .ok_or_else(|| Error::numerical("no order of it can be rated"))
     });
     ComparedSchedule {

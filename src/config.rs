@@ -29,7 +29,7 @@ pub(crate) use aims::Aims;
 pub use grade::Grade;
 pub use per_coefficient::PerCoefficient;
 pub use source::{DEFAULT_TOML, StudySource};
-pub use tables::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig};
+pub use tables::{CriterionKind, Mode, ObjectiveConfig, ScoreConfig, SearchConfig, TestConfig};
 
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +55,9 @@ pub struct StudyConfig {
     /// How to search.
     #[serde(default)]
     pub search: SearchConfig,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
 }
 
 const TOTAL_TIME: &str = "objective.total_time_s";
@@ -65,6 +68,7 @@ impl Default for StudyConfig {
             platform: PlatformConfig::default(),
             objective: ObjectiveConfig::default(),
             search: SearchConfig::default(),
+            test: TestConfig::default(),
         };
         config.resolve();
         config
@@ -112,6 +116,7 @@ impl StudyConfig {
     ///
     /// As [`StudyConfig::check`].
     pub fn check_for_evaluation(&self) -> Result<CheckedConfig> {
+        self.test.check()?;
         let platform = self.platform.check()?;
         in_range(
             TOTAL_TIME,
@@ -208,6 +213,11 @@ impl CheckedConfig {
         self.test = self.test.interrupted_after(done)?;
         Ok(self)
     }
+    /// Lets a search use so many positions, if that is more.
+    pub(crate) fn allow_positions(&mut self, count: usize) {
+        let most = self.config.search.max_positions.get_or_insert(count);
+        *most = count.clamp(*most, (*most).max(crate::search::given::MOST_POSITIONS));
+    }
     /// What is to be achieved.
     pub fn objective(&self) -> &ObjectiveConfig {
         &self.config.objective
@@ -256,7 +266,12 @@ mod tests {
     #[test]
     fn each_value_out_of_range_is_refused_by_key() {
         type Spoil = fn(&mut StudyConfig);
-        let table: [(&str, Spoil); 27] = [
+        let table: [(&str, Spoil); 30] = [
+            ("test.title", |c| c.test.title = Some(" ".to_owned())),
+            ("test.serial", |c| {
+                c.test.serial = Some("1\u{1b}[2J".to_owned())
+            }),
+            ("test.note", |c| c.test.note = Some("x".repeat(201))),
             ("site.latitude_deg", |c| c.platform.site.latitude_deg = 91.0),
             ("objective.total_time_s", |c| c.objective.total_time_s = 0.0),
             ("objective.total_time_s", |c| {
@@ -361,6 +376,14 @@ mod tests {
     fn full() -> StudyConfig {
         let mut c = StudyConfig::default();
         c.search.max_positions = Some(24);
+        let text = || Some("text".to_owned());
+        c.test = TestConfig {
+            title: text(),
+            serial: text(),
+            stand: text(),
+            operator: text(),
+            note: text(),
+        };
         c.platform.gyro.angle_random_walk_deg_per_sqrt_h = Some(1.0);
         let one = AxisValue::All(1.0);
         c.platform.prior.g_sensitive_drift_deg_per_h_per_g = GSensitivePrior::PerAxis {

@@ -96,7 +96,7 @@ pub use drift::{DriftCoefficient, DriftKind};
 pub use error::{Error, Result};
 pub use schedule::standard::StandardScheme;
 pub use schedule::{Schedule, ScheduledPosition};
-pub use search::{Control, Journal, Phase, Progress, Status};
+pub use search::{Control, Freedom, Journal, Phase, Progress, StartingScheme, Status};
 pub use simulate::{FilterModel, SimulationOptions, ToldNoise, TruthModel, TruthNoise};
 pub use study::{
     AnalysisResult, BoundResult, ComparisonOptions, ComparisonResult, Contender, EvaluationResult,

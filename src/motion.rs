@@ -27,6 +27,7 @@ pub use crate::schedule::periods::MAX_FILTER_PERIODS;
 use std::ops::Range;
 
 pub(crate) use clear::{clear_way, clear_ways};
+pub(crate) use equivalents::quickest_positions_but;
 pub(crate) use equivalents::slowest_turn_rad;
 pub use equivalents::{equivalent_positions, quickest_positions};
 pub use test::Test;

@@ -13,6 +13,7 @@ mod common;
 mod comparison;
 mod counters;
 mod evaluation;
+mod given;
 mod json;
 mod layout;
 mod limits;
@@ -42,6 +43,7 @@ pub use evaluation::{
     EvaluationDocument, MisalignmentRecord, ObservabilityRecord, PositionConvergenceRecord,
     PrecisionRecord, ScoreRecord, ScoreWeights,
 };
+pub use given::{DoneRecord, FromRecord};
 pub(crate) use limits::Change;
 pub use limits::LimitRecord;
 pub use named::{
@@ -51,7 +53,7 @@ pub use named::{
 };
 pub use parameters::{BudgetRecord, ParameterRecord, RoleRecord, WorstRecord};
 pub use result::{
-    BaselineRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
+    BaselineRecord, BestOrderRecord, ParetoRecord, RESULT_SCHEMA, ResultDocument, SkippedBaseline,
     UnobservableRecord,
 };
 #[cfg(feature = "report")]

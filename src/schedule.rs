@@ -36,6 +36,10 @@ pub struct ScheduledPosition {
     /// (α, β, γ) in degrees, congruent to the target; none: the short way on unlimited axes, a
     /// half turn positive. Limited axes go straight.
     pub change_deg: Option<[f64; 3]>,
+    /// Whether a search that begins with the schedule keeps the position: its angles, and its place
+    /// among the other pinned ones; the first and the last of a schedule stay first and last. The
+    /// dwell is free. Nothing else is made of it.
+    pub pinned: bool,
 }
 
 impl ScheduledPosition {
@@ -47,6 +51,7 @@ impl ScheduledPosition {
             move_s: None,
             move_measured: None,
             change_deg: None,
+            pinned: false,
         }
     }
 }

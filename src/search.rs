@@ -18,6 +18,8 @@
 //! 6. **Check**: the winner goes through [`Evaluator::evaluate`], which computes its covariance
 //!    a second time by the step-by-step square-root filter.
 //!
+//! A search may begin with a scheme that is there already, and keep some of it ([`given`], [`only`]).
+//!
 //! On an index table the place of L-BFGS is taken by coordinate exchange, every place estimated
 //! at the cost of one dwell.
 //!
@@ -32,11 +34,13 @@ mod cost;
 mod finish;
 mod fit;
 pub mod front;
+pub mod given;
 mod improve;
 mod index_table;
 mod insert;
 mod journal;
 mod lbfgs;
+mod only;
 mod pipeline;
 pub mod plan;
 mod problem;
@@ -64,6 +68,8 @@ use crate::motion::MAX_FILTER_PERIODS;
 use crate::platform::Repositioning;
 use crate::schedule::Schedule;
 use context::{Context, WorkDone};
+pub use given::{Freedom, Given, StartingScheme};
+use given::{hold_the_promise, scores_better};
 pub use journal::Journal;
 use pipeline::best_candidate;
 pub use problem::{Counters, FrontPoint, SearchOutcome, SearchProblem, Status};
@@ -108,7 +114,15 @@ pub fn search(
     {
         schedule = turning;
     }
-    conclude(evaluator, control, &work, schedule)
+    let outcome = conclude(evaluator, control, &work, schedule)?;
+    hold_the_promise(
+        evaluator,
+        problem,
+        control,
+        &work,
+        outcome,
+        |given, found| scores_better(context.evaluator, given, found),
+    )
 }
 
 /// The plan of `schedule` with angles and dwells refined in so much time by the gradient alone, from
@@ -168,6 +182,7 @@ pub(crate) fn nothing_to_find(
     if outcome.status == Status::Converged {
         outcome.reason = Reason::NoTestNeeded(why);
     }
+    outcome.from = Given::of(evaluator, problem)?;
     Ok(Some(outcome))
 }
 
@@ -205,6 +220,7 @@ pub(crate) fn conclude(
         evaluation,
         unobservable,
         front: Vec::new(),
+        from: None,
         counters: work.counters(),
     })
 }
@@ -233,6 +249,9 @@ pub(crate) fn refuse_unsupported(evaluator: &Evaluator, problem: &SearchProblem)
                 .with_value(true)
                 .with_allowed("false"));
         }
+    }
+    if let Some(from) = &problem.from {
+        from.check(evaluator.test(), problem)?;
     }
     if problem.total_time_s.is_nan() || problem.total_time_s <= 0.0 {
         let key = "objective.total_time_s";

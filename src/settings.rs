@@ -3,6 +3,7 @@
 
 pub use crate::config::{
     CriterionKind, DEFAULT_TOML, Mode, ObjectiveConfig, PerCoefficient, ScoreConfig, SearchConfig,
+    TestConfig,
 };
 pub use crate::platform::{
     AccelerometerConfig, AxisValue, AzimuthConfig, ErrorTable, ErrorsConfig, FilterConfig,

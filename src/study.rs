@@ -40,8 +40,9 @@ use crate::config::{CheckedConfig, StudyConfig, StudySource};
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
 use crate::motion::Timeline;
-use crate::results::{AnalysisDocument, BoundDocument, EvaluationDocument, Inputs};
+use crate::results::{AnalysisDocument, BoundDocument, DoneRecord, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
+use crate::search::StartingScheme;
 
 /// One platform and one objective, checked, and all that can be asked of them.
 ///
@@ -52,6 +53,8 @@ pub struct Study {
     source: StudySource,
     checked: CheckedConfig,
     evaluator: Evaluator,
+    /// The scheme that a search begins with.
+    from: Option<StartingScheme>,
 }
 
 impl Study {
@@ -115,6 +118,7 @@ impl Study {
             evaluator: checked.evaluator(),
             checked,
             source,
+            from: None,
         })
     }
 
@@ -143,7 +147,73 @@ impl Study {
             evaluator: checked.evaluator(),
             checked,
             source: self.source,
+            from: self.from,
         })
+    }
+
+    /// The same study, whose search begins with a scheme that is there already: it is one of the starts,
+    /// and the result is never worse than it, by the score, as long as the scheme keeps to the limits of
+    /// the search. Its pinned positions keep their angles and their order, a pinned first position stays
+    /// first and a pinned last one last; with a [`Freedom`](crate::Freedom) of less than everything all
+    /// positions stay, and none vanishes. Where nobody gave `search.max_positions`, there may be as many
+    /// as the scheme has.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] for a scheme of more than 500 positions, for one with positions that have to
+    /// stay and that the platform cannot take or is to reach by moves of their own, and where tumbling
+    /// is allowed beside positions that have to stay; [`Error::is_infeasible`] where those do not fit
+    /// into the time.
+    ///
+    /// ```
+    /// use scheme_opt::{Control, Freedom, Schedule, StartingScheme, Study};
+    /// let study = Study::from_toml("[search]\nstarts = 2\nmax_positions = 4\n")?;
+    /// let scheme = Schedule::from_csv(
+    ///     "alpha_deg,beta_deg,gamma_deg,dwell_s\n\
+    ///      10,20,30,3000\n-80,50,120,3000\n150,-40,-70,3000\n60,-20,-160,3000\n",
+    /// )?;
+    /// let given = study.evaluate(&scheme)?.document().score.value;
+    /// let scheme = StartingScheme::new("mine", scheme).only(Freedom::Dwells);
+    /// let found = study.starting_from(scheme)?.search(&Control::default())?;
+    /// assert!(found.document().evaluation.score.value <= given);
+    /// assert_eq!(found.schedule().positions()[1].position.to_deg(), [-80.0, 50.0, 120.0]);
+    /// # Ok::<(), scheme_opt::Error>(())
+    /// ```
+    pub fn starting_from(mut self, scheme: StartingScheme) -> Result<Self> {
+        self.check_start(&scheme)?;
+        if self.may_have_more_positions() {
+            self.checked
+                .allow_positions(scheme.schedule.positions().len());
+        }
+        self.from = Some(scheme);
+        Ok(self)
+    }
+
+    /// Refuses a scheme that a search cannot begin with.
+    pub(crate) fn check_start(&self, scheme: &StartingScheme) -> Result<()> {
+        let mut checked = self.checked.clone();
+        if self.may_have_more_positions() {
+            checked.allow_positions(scheme.schedule.positions().len());
+        }
+        let checked = scheme.check(checked.test(), &checked.search_problem());
+        checked.map_err(
+            |e| match e.key().is_some_and(|key| key.starts_with("positions")) {
+                true => e,
+                false => self.source.located(e),
+            },
+        )
+    }
+
+    /// Whether nobody said how many positions there may be.
+    fn may_have_more_positions(&self) -> bool {
+        let is_open = |key: &String| key == "search.max_positions";
+        self.defaulted().iter().any(is_open)
+    }
+
+    /// The scheme that a search begins with.
+    #[cfg(feature = "cli")]
+    pub(crate) fn begins_with(&self) -> Option<&StartingScheme> {
+        self.from.as_ref()
     }
 
     /// Every value in force, defaults filled in; what documents carry as `inputs`.
@@ -223,7 +293,12 @@ impl Study {
     pub fn commands(&self, schedule: &Schedule, step_deg: f64) -> Result<CommandTable> {
         let test = self.checked.test();
         let timeline = Timeline::new(test, schedule)?;
-        CommandTable::new(test.platform(), &timeline, step_deg)
+        let table = CommandTable::new(test.platform(), &timeline, step_deg)?;
+        // What is done needs no commands; the clock goes on.
+        Ok(match DoneRecord::of(test) {
+            Some(done) => table.since(done.total_time_s),
+            None => table,
+        })
     }
 
     /// The inputs as documents carry them.
@@ -231,6 +306,7 @@ impl Study {
         Inputs {
             config: self.config().clone(),
             defaulted: self.defaulted().to_vec(),
+            done: DoneRecord::of(self.checked.test()),
         }
     }
 

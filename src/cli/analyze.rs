@@ -19,7 +19,7 @@ pub(super) fn run(args: &AnalyzeArgs, output: Output) -> Result<Exit> {
     let text = if args.common.json {
         document.to_json()?
     } else {
-        text::analysis(document)
+        super::report::headed(&document.test, text::analysis(document))
     };
     output.data(&text)?;
     Ok(Exit::Done)

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::files::Existing;
 use crate::commands::CommandTable;
 use crate::config::{CriterionKind, Grade, Mode};
 use crate::results::schema::DocumentKind;
@@ -169,8 +170,24 @@ pub(super) struct SearchArgs {
         allow_negative_numbers = true
     )]
     pub starts: Option<usize>,
+    /// Begin with this schedule too: the result is never worse than it. Positions pinned in the file
+    /// keep their angles and their order
+    #[arg(long, value_name = "SCHEDULE", help_heading = "The scheme one has")]
+    pub from: Option<PathBuf>,
+    /// Change nothing else of it: its dwells, its order, or `dwells,order`
+    #[arg(
+        long,
+        value_name = "WHAT",
+        value_delimiter = ',',
+        requires = "from",
+        help_heading = "The scheme one has"
+    )]
+    pub only: Vec<Changeable>,
+    /// This has been run already, the last dwell as long as it was: plan the rest of the test
+    #[arg(long, value_name = "SCHEDULE", help_heading = "The scheme one has")]
+    pub done: Option<PathBuf>,
     /// Continue an interrupted search from the checkpoint in the output directory
-    #[arg(long)]
+    #[arg(long, conflicts_with = "no_clobber")]
     pub resume: bool,
     /// Least time between two checkpoints
     #[arg(
@@ -184,7 +201,36 @@ pub(super) struct SearchArgs {
     #[arg(long)]
     pub reproducible: bool,
     #[command(flatten)]
+    pub existing: ExistingResults,
+    #[command(flatten)]
     pub common: Common,
+}
+
+/// What becomes of results that are there already.
+#[derive(Debug, Args)]
+pub(super) struct ExistingResults {
+    /// Refuse to write over results that are there already; without it a line says whose were replaced
+    #[arg(long)]
+    pub no_clobber: bool,
+}
+
+impl ExistingResults {
+    /// As it is meant for files.
+    pub(super) const fn choice(&self) -> Existing {
+        match self.no_clobber {
+            true => Existing::Keep,
+            false => Existing::Replace,
+        }
+    }
+}
+
+/// What alone a search may change of the scheme it begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Changeable {
+    /// How long positions are held
+    Dwells,
+    /// The order of the positions
+    Order,
 }
 
 /// A schedule, and the platform it is for.
@@ -324,6 +370,8 @@ pub(super) struct SimulateArgs {
     #[arg(long)]
     pub sweep: bool,
     #[command(flatten)]
+    pub existing: ExistingResults,
+    #[command(flatten)]
     pub common: Common,
 }
 
@@ -337,8 +385,8 @@ pub(super) struct CompareArgs {
     /// Every built-in scheme too
     #[arg(long)]
     pub standard: bool,
-    /// Each built-in scheme also in its best order: proven up to 12 positions where the steps are
-    /// enough, else the best found
+    /// Each schedule also in its best order: proven up to 12 positions where dwells are equal and the
+    /// steps are enough, else the best found
     #[arg(long)]
     pub best_order: bool,
     /// Steps towards that proof before it is left open, for each scheme
@@ -347,6 +395,8 @@ pub(super) struct CompareArgs {
     /// Run given schedules as they are, not scaled to the total time
     #[arg(long)]
     pub as_given: bool,
+    #[command(flatten)]
+    pub existing: ExistingResults,
     /// Platform file; without one, the built-in platform
     #[arg(short, long, value_name = "FILE")]
     pub platform: Option<PathBuf>,

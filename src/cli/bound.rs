@@ -10,7 +10,7 @@ use super::args::BoundArgs;
 use super::exit::Exit;
 use super::inputs;
 use super::output::Output;
-use super::report::wrap;
+use super::report::{headed, wrap};
 use super::table;
 
 /// Runs the command.
@@ -21,7 +21,7 @@ pub(super) fn run(args: &BoundArgs, output: Output) -> Result<Exit> {
     let text = if args.common.json {
         document.to_json()?
     } else {
-        report(document)
+        headed(&document.test, report(document))
     };
     output.data(&text)?;
     Ok(match study.config().objective.mode {

@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 use crate::results::TOOL_VERSION;
+use crate::schedule::file::ScheduleDocument;
 use crate::schedule::text;
 use crate::search::checkpoint::{Finished, Journal};
 use crate::study::Study;
@@ -82,6 +83,19 @@ impl Checkpoint {
             (false, false) => {}
         }
         Ok(checkpoint)
+    }
+
+    /// Refuses a directory with the checkpoint of an unfinished search, which a new one would replace.
+    pub(super) fn refuse_unfinished(directory: &Path) -> Result<()> {
+        let path = directory.join(FILE);
+        match path.exists() {
+            true => Err(
+                Error::input("an unfinished search is there, and --no-clobber keeps it")
+                    .with_file(path)
+                    .with_hint("--resume continues it; or choose another directory with -o"),
+            ),
+            false => Ok(()),
+        }
     }
 
     /// What is done.
@@ -180,8 +194,25 @@ fn problem(study: &Study) -> Result<Value> {
     let mut config = study.config().clone();
     config.search.threads = None;
     config.search.time_limit_s = None;
-    serde_json::to_value(&config)
-        .map_err(|e| Error::numerical(format!("the inputs cannot be written: {e}")).with_source(e))
+    let written = |value: serde_json::Result<Value>| {
+        value.map_err(|e| {
+            Error::numerical(format!("the inputs cannot be written: {e}")).with_source(e)
+        })
+    };
+    let mut inputs = written(serde_json::to_value(&config))?;
+    if let Value::Object(inputs) = &mut inputs {
+        if let Some(from) = study.begins_with() {
+            let schedule = ScheduleDocument::from(&from.schedule);
+            let schedule = written(serde_json::to_value(&schedule))?;
+            let only = written(serde_json::to_value(from.freedom.names()))?;
+            inputs.insert("from".to_owned(), schedule);
+            inputs.insert("only".to_owned(), only);
+        }
+        if let Some(done) = study.inputs().done {
+            inputs.insert("done".to_owned(), written(serde_json::to_value(&done))?);
+        }
+    }
+    Ok(inputs)
 }
 
 /// The dotted key of the first value that differs.

@@ -19,6 +19,7 @@ pub(super) fn run(args: &CommandsArgs, output: Output) -> Result<Exit> {
             let (config, defaulted) = (given.study.config(), given.study.defaulted());
             let warnings = suspicion::of(config, defaulted, Some(&given.schedule));
             let mut document = table.document();
+            document.test = config.test.clone();
             document.warnings = warnings.iter().map(Into::into).collect();
             document.to_json()?
         }

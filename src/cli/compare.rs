@@ -20,6 +20,8 @@ use super::{inputs, page, report};
 /// Runs the command.
 pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
     let study = inputs::load(args.platform.as_deref(), &args.common, None)?;
+    let existing = args.existing.choice();
+    page::check(args.report.as_deref(), existing)?;
     let contenders = contenders(args)?;
     for (name, schedule) in contenders.iter().filter_map(Contender::given) {
         inputs::warn_of_schedule(Path::new(name), schedule, &study, output);
@@ -40,10 +42,12 @@ pub(super) fn run(args: &CompareArgs, output: Output) -> Result<Exit> {
     let document = compared.document();
     let text = match args.common.json {
         true => document.to_json()?,
-        false => text(document),
+        false => report::headed(&document.test, text(document)),
     };
     if !document.schedules.is_empty() {
-        page::write(args.report.as_deref(), output, || compared.report_html())?;
+        page::write(args.report.as_deref(), existing, output, || {
+            compared.report_html()
+        })?;
     }
     output.data(&text)?;
     Ok(match document.schedules.is_empty() {
@@ -125,6 +129,11 @@ fn orders(document: &ComparisonDocument) -> String {
             Proof::OtherErrors,
             "+ the same positions in the best order found: a better one may exist; with errors beyond \
              the twelve coefficients the other orders are not gone through",
+        ),
+        (
+            Proof::OwnDwells,
+            "+ the same positions with their dwells in the best order found: a better one may exist; where \
+             dwells differ the other orders are not gone through",
         ),
         (
             Proof::OtherTriples,

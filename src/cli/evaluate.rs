@@ -4,6 +4,7 @@ use crate::error::Result;
 
 use super::args::EvaluateArgs;
 use super::exit::Exit;
+use super::files::Existing;
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 use super::{page, report};
@@ -20,9 +21,12 @@ pub(super) fn run(args: &EvaluateArgs, output: Output) -> Result<Exit> {
     let text = if args.common.json {
         document.to_json()?
     } else {
-        report::evaluation(document, study.test().platform(), &timeline)
+        let text = report::evaluation(document, study.test().platform(), &timeline);
+        report::headed(&document.test, text)
     };
-    page::write(args.report.as_deref(), output, || evaluated.report_html())?;
+    page::write(args.report.as_deref(), Existing::Replace, output, || {
+        evaluated.report_html()
+    })?;
     output.data(&text)?;
     Ok(Exit::Done)
 }

@@ -5,7 +5,83 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+use super::output::Output;
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
+use crate::report::words;
+use crate::schedule::text;
+
+/// What becomes of a file that is there already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Existing {
+    /// It is replaced, and said whose it was.
+    Replace,
+    /// It stays, and writing is refused.
+    Keep,
+}
+
+impl Existing {
+    /// Refuses what is there and is to stay.
+    pub(super) fn check(self, path: &Path) -> Result<()> {
+        match self == Self::Keep && path.is_file() {
+            true => Err(
+                Error::input("results are there already, and --no-clobber keeps them")
+                    .with_file(path)
+                    .with_hint("choose another place for the new ones"),
+            ),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Whose results are in these files, as far as they are there: the first of them, how many more, what
+/// they say of their test, and when they were written; none where there are none.
+pub(super) fn whose(paths: &[&Path]) -> Option<String> {
+    let mut there: Vec<&Path> = paths.iter().copied().filter(|p| p.is_file()).collect();
+    // A document says most.
+    let told = |p: &&Path| titled(p).is_none();
+    there.sort_by_key(told);
+    let first = there.first()?;
+    let title = match titled(first) {
+        Some(title) => format!("of {title}"),
+        None => "of a test without a title".to_owned(),
+    };
+    let more = match there.len() {
+        1 => String::new(),
+        n => format!(" and {} more", n - 1),
+    };
+    let written = std::fs::metadata(first).and_then(|m| m.modified());
+    let written = written.map_or_else(
+        |_| String::new(),
+        |time| format!(", written {}", httpdate::fmt_http_date(time)),
+    );
+    let shown = first.display();
+    Some(format!("replaced: {shown}{more}, {title}{written}"))
+}
+
+/// What a document or a page says of its test; none where nothing.
+fn titled(path: &Path) -> Option<String> {
+    /// Longest file that is looked into, bytes.
+    const MOST: u64 = 1 << 26;
+    #[derive(serde::Deserialize)]
+    struct Head {
+        #[serde(default)]
+        test: TestConfig,
+    }
+    let extension = path.extension()?.to_str()?;
+    if !matches!(extension, "json" | "html") {
+        return None;
+    }
+    let text = text::read_text(path, MOST).ok()?;
+    let said = match extension {
+        "json" => words::test(&serde_json::from_str::<Head>(&text).ok()?.test)?,
+        _ => {
+            let (_, rest) = text.split_once("<title>")?;
+            rest.split_once("</title>")?.0.to_owned()
+        }
+    };
+    Some(text::shown(&said))
+}
 
 /// Files that are going to be written into one directory.
 ///
@@ -14,6 +90,7 @@ use crate::error::{Error, Result};
 /// [`OutputFiles::commit`], it leaves nothing behind.
 pub(super) struct OutputFiles {
     files: Vec<(PathBuf, NamedTempFile)>,
+    existing: Existing,
     litter: Litter,
 }
 
@@ -40,10 +117,19 @@ impl Litter {
 
 impl OutputFiles {
     /// Makes `directory` if need be, and temporary files for `names` in it.
-    pub(super) fn prepare(directory: &Path, names: &[&str]) -> Result<Self> {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_io`] where that cannot be done; [`Error::is_input`] for what is in the way, or is there
+    /// and to be kept.
+    pub(super) fn prepare(directory: &Path, names: &[&str], existing: Existing) -> Result<Self> {
+        for name in names {
+            existing.check(&directory.join(name))?;
+        }
         // Field order matters: dropped half-made, the files go before their directories.
         let mut outputs = Self {
             files: Vec::with_capacity(names.len()),
+            existing,
             litter: Litter {
                 files: Vec::new(),
                 directories: missing_directories(directory),
@@ -74,7 +160,8 @@ impl OutputFiles {
 
     /// Writes the `contents`, one for each name; only when all are on the disk does the first
     /// take its place. Gives the paths. A directory that vanished meanwhile is made again.
-    pub(super) fn commit(mut self, contents: &[String]) -> Result<Vec<PathBuf>> {
+    /// Says whose results were replaced.
+    pub(super) fn commit(mut self, contents: &[String], output: Output) -> Result<Vec<PathBuf>> {
         for ((target, file), content) in self.files.iter_mut().zip(contents) {
             let cannot_write = |e: std::io::Error| Error::io("write the file", target, e);
             if !file.path().exists() {
@@ -82,10 +169,20 @@ impl OutputFiles {
             }
             fill(file, content).map_err(cannot_write)?;
         }
+        let targets: Vec<&Path> = self.files.iter().map(|(target, _)| &**target).collect();
+        let replaced = whose(&targets);
+        // What another run has put there meanwhile.
+        for target in targets {
+            self.existing.check(target)?;
+        }
+        let replace = self.existing == Existing::Replace;
         let mut written = Vec::with_capacity(contents.len());
         for (target, file) in self.files.drain(..) {
-            persist(file, &target, true).map_err(|e| Error::io("write the file", &target, e))?;
+            persist(file, &target, replace).map_err(|e| Error::io("write the file", &target, e))?;
             written.push(target);
+        }
+        if let Some(replaced) = replaced {
+            output.message(&replaced);
         }
         Ok(written)
     }
@@ -184,7 +281,7 @@ mod tests {
     fn abandoned_outputs_leave_nothing_behind() {
         let root = tempfile::tempdir().unwrap();
         let directory = root.path().join("a/b");
-        let outputs = OutputFiles::prepare(&directory, &["x", "y"]).unwrap();
+        let outputs = OutputFiles::prepare(&directory, &["x", "y"], Existing::Keep).unwrap();
         assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 2);
         drop(outputs);
         assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 0);
@@ -194,13 +291,14 @@ mod tests {
     fn committed_outputs_replace_what_was_there() {
         let root = tempfile::tempdir().unwrap();
         std::fs::write(root.path().join("x"), "old").unwrap();
-        let outputs = OutputFiles::prepare(root.path(), &["x", "y"]).unwrap();
+        let outputs = OutputFiles::prepare(root.path(), &["x", "y"], Existing::Replace).unwrap();
         let litter = outputs.litter();
         assert_eq!(
             std::fs::read_to_string(root.path().join("x")).unwrap(),
             "old"
         );
-        outputs.commit(&["1".to_owned(), "2".to_owned()]).unwrap();
+        let contents = ["1".to_owned(), "2".to_owned()];
+        outputs.commit(&contents, Output::new(true)).unwrap();
         litter.remove();
         assert_eq!(std::fs::read_to_string(root.path().join("x")).unwrap(), "1");
         assert_eq!(std::fs::read_to_string(root.path().join("y")).unwrap(), "2");
@@ -212,9 +310,12 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         std::fs::write(&file, "").unwrap();
-        assert!(OutputFiles::prepare(&file, &["x"]).is_err_and(|e| e.is_io()));
+        assert!(OutputFiles::prepare(&file, &["x"], Existing::Replace).is_err_and(|e| e.is_io()));
         std::fs::create_dir(root.path().join("x")).unwrap();
-        assert!(OutputFiles::prepare(root.path(), &["x"]).is_err_and(|e| e.is_input()));
+        assert!(
+            OutputFiles::prepare(root.path(), &["x"], Existing::Replace)
+                .is_err_and(|e| e.is_input())
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 use super::args::{Cli, ManArgs};
 use super::exit::Exit;
-use super::files::OutputFiles;
+use super::files::{Existing, OutputFiles};
 use super::output::Output;
 
 /// Runs the command.
@@ -27,7 +27,9 @@ pub(super) fn run(args: &ManArgs, output: Output) -> Result<Exit> {
         pages.push(page(sub)?);
     }
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let written = OutputFiles::prepare(directory, &names)?.commit(&pages)?;
+    let files = OutputFiles::prepare(directory, &names, Existing::Replace)?;
+    // Pages of a manual are nobody's results.
+    let written = files.commit(&pages, Output::new(true))?;
     output.message(&format!(
         "written: {} pages in {}",
         written.len(),

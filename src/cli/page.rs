@@ -8,7 +8,7 @@ use crate::schedule::text;
 
 use super::args::ReportArgs;
 use super::exit::Exit;
-use super::files::write_file;
+use super::files::{Existing, whose, write_file};
 use super::output::Output;
 
 /// Largest document that is read, bytes: a long front with all its schedules has a tenth of it.
@@ -22,7 +22,7 @@ pub(super) fn run(args: &ReportArgs, output: Output) -> Result<Exit> {
     if args.output == Path::new("-") {
         output.data(&page)?;
     } else {
-        write(Some(&args.output), output, || Ok(page))?;
+        write(Some(&args.output), Existing::Replace, output, || Ok(page))?;
     }
     Ok(Exit::Done)
 }
@@ -35,14 +35,25 @@ pub(super) fn made(page: Result<String>, output: Output) -> Result<String> {
     })
 }
 
+/// Refuses, before the work, a page that is there already and is to be kept.
+pub(super) fn check(path: Option<&Path>, existing: Existing) -> Result<()> {
+    path.map_or(Ok(()), |path| existing.check(path))
+}
+
 /// Writes a page to `path`, if there is one.
 pub(super) fn write(
     path: Option<&Path>,
+    existing: Existing,
     output: Output,
     page: impl FnOnce() -> Result<String>,
 ) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
-    write_file(path, &made(page(), output)?, true)?;
+    let page = made(page(), output)?;
+    let replaced = whose(&[path]);
+    write_file(path, &page, existing == Existing::Replace)?;
+    if let Some(replaced) = replaced {
+        output.message(&replaced);
+    }
     output.message(&format!("written: {}", path.display()));
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Reports for people, as text.
 
+use crate::config::TestConfig;
 use crate::motion::Timeline;
 use crate::platform::Platform;
 use crate::report::words;
@@ -29,6 +30,9 @@ pub(super) fn search(
     let known = found.score.known_before.is_some();
     if let Some(certificate) = document.certificate.as_ref().filter(|_| !known) {
         text.push_str(&wrap(&words::within(certificate)));
+    }
+    if let Some(from) = &document.from {
+        text.push_str(&wrap(&words::from(document, from)));
     }
     if let Some(claims) = words::claims(found) {
         text.push_str(&wrap(&claims));
@@ -72,6 +76,14 @@ pub(super) fn search(
         text.push_str(&format!("\nWritten: {}\n", files.join("\n         ")));
     }
     text
+}
+
+/// A text for people, under whose test it is about.
+pub(super) fn headed(test: &TestConfig, text: String) -> String {
+    match words::test(test) {
+        Some(test) => format!("{}\n{text}", wrap(&test)),
+        None => text,
+    }
 }
 
 /// Status and work done.

@@ -10,13 +10,14 @@ use indicatif::ProgressBar;
 use crate::commands::CommandTable;
 use crate::error::{Error, Result};
 use crate::motion::Timeline;
-use crate::search::{Control, Status};
+use crate::schedule::{Schedule, file};
+use crate::search::{Control, Freedom, StartingScheme, Status};
 use crate::study::{SearchResult, Study};
 
-use super::args::SearchArgs;
+use super::args::{Changeable, SearchArgs};
 use super::checkpoint::Checkpoint;
 use super::exit::Exit;
-use super::files::{Litter, OutputFiles};
+use super::files::{Existing, Litter, OutputFiles};
 use super::output::Output;
 use super::progress::ProgressDisplay;
 use super::{inputs, page, report};
@@ -33,6 +34,7 @@ const FILES: [&str; 5] = [
 /// Runs the command.
 pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
     let study = inputs::load(args.platform.as_deref(), &args.common, args.starts)?;
+    let study = with_schemes(study, args, output)?;
     let is_open = study
         .defaulted()
         .iter()
@@ -45,7 +47,11 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
             "up to {most} positions: the drift wanders, and more and shorter dwells pay"
         ));
     }
-    let files = OutputFiles::prepare(&args.output, &FILES)?;
+    let existing = args.existing.choice();
+    if existing == Existing::Keep {
+        Checkpoint::refuse_unfinished(&args.output)?;
+    }
+    let files = OutputFiles::prepare(&args.output, &FILES, existing)?;
     let interval = checkpoint_interval(args)?;
     let checkpoint = Checkpoint::open(&args.output, &study, args.resume, output)?;
     let (stop_saving, stopped) = mpsc::channel();
@@ -65,7 +71,7 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         output.message(&format!("note: no checkpoint is kept: {e}"));
     }
     // The result of a long search is shown even where it cannot be written.
-    let committed = files.commit(&contents(&study, &found, output)?);
+    let committed = files.commit(&contents(&study, &found, output)?, output);
     show(
         args,
         &study,
@@ -83,6 +89,31 @@ pub(super) fn run(args: &SearchArgs, output: Output) -> Result<Exit> {
         Status::Infeasible => Exit::NoSchedule,
         Status::Interrupted => Exit::Interrupted,
     })
+}
+
+/// The study with what is done of its test, and the scheme that the search begins with.
+fn with_schemes(mut study: Study, args: &SearchArgs, output: Output) -> Result<Study> {
+    if let Some(path) = &args.done {
+        let (schedule, _) = inputs::on_platform(path, &study)?;
+        inputs::warn_of_schedule(path, &schedule, &study, output);
+        study = study.after(schedule)?;
+    }
+    let Some(path) = &args.from else {
+        return Ok(study);
+    };
+    let name = path.display().to_string();
+    let has = |what: Changeable| args.only.contains(&what);
+    let freedom = match (has(Changeable::Dwells), has(Changeable::Order)) {
+        (false, false) => Freedom::Everything,
+        (true, false) => Freedom::Dwells,
+        (false, true) => Freedom::Order,
+        (true, true) => Freedom::DwellsAndOrder,
+    };
+    let begun =
+        |schedule: &Schedule| StartingScheme::new(name.clone(), schedule.clone()).only(freedom);
+    let (schedule, ()) = file::read_and(path, &|schedule| study.check_start(&begun(schedule)))?;
+    inputs::warn_of_schedule(path, &schedule, &study, output);
+    study.starting_from(begun(&schedule))
 }
 
 /// The files' contents, in the order of [`FILES`].
@@ -118,12 +149,8 @@ fn show(
     }
     let timeline = Timeline::new(study.test(), found.schedule())?;
     let document = found.document();
-    output.data(&report::search(
-        document,
-        study.test().platform(),
-        &timeline,
-        &written,
-    ))
+    let text = report::search(document, study.test().platform(), &timeline, &written);
+    output.data(&report::headed(&document.test, text))
 }
 
 /// The search, watched and stoppable.

@@ -13,6 +13,7 @@ use super::files::{OutputFiles, remove_on_signal};
 use super::inputs::{self, GivenSchedule};
 use super::output::Output;
 use super::page;
+use super::report::headed;
 
 /// What is written into the output directory.
 const FILES: [&str; 4] = ["simulation.json", "curves.csv", "curves.svg", "errors.svg"];
@@ -33,10 +34,12 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
         sweep: args.sweep,
     };
     request.options.check().map_err(name_option)?;
+    let existing = args.existing.choice();
+    page::check(args.report.as_deref(), existing)?;
     let files = args
         .output
         .as_ref()
-        .map(|directory| OutputFiles::prepare(directory, &FILES))
+        .map(|directory| OutputFiles::prepare(directory, &FILES, existing))
         .transpose()?;
     if let Some(files) = &files {
         remove_on_signal(files.litter());
@@ -45,14 +48,19 @@ pub(super) fn run(args: &SimulateArgs, output: Output) -> Result<Exit> {
     let document = simulated.document();
     let json = document.to_json()?;
     if let Some(files) = files {
-        let written = files.commit(&contents(&json, simulated.trajectory()))?;
+        let written = files.commit(&contents(&json, simulated.trajectory()), output)?;
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
         output.message(&format!("written: {}", names.join(", ")));
     }
-    page::write(args.report.as_deref(), output, || simulated.report_html())?;
+    page::write(args.report.as_deref(), existing, output, || {
+        simulated.report_html()
+    })?;
     output.data(&match args.common.json {
         true => json,
-        false => text::simulation(document, simulated.swept()),
+        false => headed(
+            &document.test,
+            text::simulation(document, simulated.swept()),
+        ),
     })?;
     let passed = document.judgement.as_ref().is_some_and(|j| j.passed);
     Ok(match args.check && !passed {

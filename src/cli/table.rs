@@ -131,7 +131,8 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
             let held = timeline.positions();
             let number = match i {
                 _ if held.contains(&i) => (i - held.start + 1).to_string(),
-                0 => "start".to_owned(),
+                0 if platform.motion().start.is_some() => "start".to_owned(),
+                _ if i < held.start => "done".to_owned(),
                 _ => "return".to_owned(),
             };
             let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
@@ -375,35 +376,43 @@ pub(super) fn baselines(found: &EvaluationDocument, baselines: &[BaselineRecord]
         ratio: Some(1.0),
         criterion: found.score.criterion,
         criterion_ratio: Some(1.0),
+        best_order: None,
     };
+    let with_criterion = !words::is_the_rms(found);
+    let with_orders = baselines.iter().any(|b| b.best_order.is_some());
     let ratio = |value| optional(value, |r: f64| format!("{r:.2}"));
     let row = |b: &BaselineRecord| {
-        [
+        let mut row = vec![
             b.name.clone(),
             b.positions.to_string(),
             number(b.rms_sigma_deg_per_h),
             ratio(b.ratio),
-            number(b.criterion),
-            ratio(b.criterion_ratio),
-        ]
+        ];
+        if with_criterion {
+            row.extend([number(b.criterion), ratio(b.criterion_ratio)]);
+        }
+        if with_orders {
+            let best = b.best_order.as_ref();
+            row.push(best.map_or_else(String::new, |best| ratio(best.criterion_ratio)));
+        }
+        row
     };
     let rows = std::iter::once(&this).chain(baselines).map(row);
     let score = &found.score;
     let criterion = words::criterion_column(&score.criterion_name, &score.criterion_unit);
-    let columns = [
+    let mut columns = vec![
         ("scheme", Left),
         ("positions", Right),
         ("RMS sigma, deg/h", Right),
         ("ratio", Right),
-        (criterion.as_str(), Right),
-        ("ratio", Right),
     ];
-    if words::is_the_rms(found) {
-        let [scheme, positions, rms, rms_ratio, ..] = columns;
-        let rows = rows.map(|[a, b, c, d, ..]| [a, b, c, d]);
-        return render([scheme, positions, rms, rms_ratio], rows.collect());
+    if with_criterion {
+        columns.extend([(criterion.as_str(), Right), ("ratio", Right)]);
     }
-    render(columns, rows.collect())
+    if with_orders {
+        columns.push(("in best order", Right));
+    }
+    render_rows(&columns, rows.collect())
 }
 
 /// Lower bounds on each σ.

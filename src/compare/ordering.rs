@@ -1,7 +1,7 @@
 //! The order in which given positions are visited.
 //!
 //! The problem: visit each of the positions once, as they are given, and hold each for the same
-//! time: equal dwells that fill the total time, in whole filter periods, the first positions one
+//! time (or where a schedule has dwells of its own, in their proportion): equal dwells that fill the total time, in whole filter periods, the first positions one
 //! period longer where they do not divide, none shorter than the shortest dwell. Orders that save
 //! time on the way so get longer dwells. The best order is the one with the least score.
 //!
@@ -45,6 +45,9 @@ pub enum Proof {
     /// What is known of the orders that are not gone through holds for the twelve coefficients alone,
     /// and the platform has other errors: a better one may exist.
     OtherErrors,
+    /// The positions are held for different times, which go with them: orders of those are not gone
+    /// through, and a better one may exist.
+    OwnDwells,
     /// All orders of the positions as given were gone through, and one that takes some attitudes
     /// by other Euler triples was found to be better: a better one may exist.
     OtherTriples,
@@ -59,6 +62,52 @@ pub(super) struct BestOrder {
     pub steps: u64,
 }
 
+/// The evaluator that orders are rated by, where it is another one: without the separability.
+fn by_accuracy(evaluator: &Evaluator) -> Option<Evaluator> {
+    (!evaluator.objective().is_led_by_separability()).then(|| {
+        let objective = Objective {
+            separability_weight: 0.0,
+            ..evaluator.objective().clone()
+        };
+        Evaluator::new(evaluator.test().clone(), objective)
+    })
+}
+
+/// Schedules whose positions may come in any order.
+pub(crate) struct Reorderer<'a> {
+    by_accuracy: Option<Evaluator>,
+    evaluator: &'a Evaluator,
+}
+
+impl<'a> Reorderer<'a> {
+    /// By the evaluator's objective.
+    pub fn new(evaluator: &'a Evaluator) -> Self {
+        Self {
+            by_accuracy: by_accuracy(evaluator),
+            evaluator,
+        }
+    }
+
+    /// The positions in a good order, held equally long, by rating about `most_rated` orders; none when
+    /// none of them fits into the time.
+    pub fn good_order(
+        &self,
+        positions: Vec<Position>,
+        total_time_s: f64,
+        most_rated: usize,
+    ) -> Option<Schedule> {
+        let orders = Orders {
+            evaluator: self.by_accuracy.as_ref().unwrap_or(self.evaluator),
+            positions,
+            quickest: false,
+            total_time_s,
+            proportions: None,
+        };
+        let found = found::quick(&orders, 1, most_rated)?;
+        orders.schedule(&found.order)
+    }
+}
+
 /// The best order of `positions` by the evaluator's objective; none when no order fits into the
 /// time or has a merit. The same at any number of threads.
 ///
@@ -67,28 +116,25 @@ pub(super) struct BestOrder {
 pub(super) fn best_order(
     evaluator: &Evaluator,
     positions: &[Position],
+    proportions: Option<&[f64]>,
     total_time_s: f64,
     seed: u64,
     most_steps: u64,
 ) -> Option<BestOrder> {
-    let by_accuracy = (!evaluator.objective().is_led_by_separability()).then(|| {
-        let objective = Objective {
-            separability_weight: 0.0,
-            ..evaluator.objective().clone()
-        };
-        Evaluator::new(evaluator.test().clone(), objective)
-    });
+    let by_accuracy = by_accuracy(evaluator);
     let evaluator = by_accuracy.as_ref().unwrap_or(evaluator);
     let orders = |quickest: bool| Orders {
         evaluator,
         positions: positions.to_vec(),
         quickest,
         total_time_s,
+        proportions: proportions.map(<[f64]>::to_vec),
     };
     let given = orders(false);
     let found = found::search(&given, seed);
     let is_of_the_paper = evaluator.model().is_of_the_paper();
     let (best, proof, steps) = match (positions.len() <= MOST_PROVEN, is_of_the_paper) {
+        _ if proportions.is_some() => (found, Proof::OwnDwells, 0),
         (false, _) => (found, Proof::TooManyPositions, 0),
         (_, false) => (found, Proof::OtherErrors, 0),
         (true, true) => {
@@ -273,6 +319,7 @@ mod tests {
                         positions: positions.clone(),
                         quickest: false,
                         total_time_s,
+                        proportions: None,
                     };
                     check(
                         &orders,
@@ -309,6 +356,7 @@ mod tests {
                     positions,
                     quickest: false,
                     total_time_s: 5000.0,
+                    proportions: None,
                 };
                 check(&orders, &format!("{objective:?}"));
             }
@@ -326,6 +374,7 @@ mod tests {
             positions,
             quickest: false,
             total_time_s: 7000.0,
+            proportions: None,
         };
         let steps = check(&orders, "eight");
         // Without bounds every beginning of an order is made: 8 + 8·7 + … + 8! of them, and more.
@@ -347,6 +396,7 @@ mod tests {
             positions: two_axis(&evaluator),
             quickest: false,
             total_time_s: 12_000.0,
+            proportions: None,
         };
         let known = orders.rated(&[vec![6, 0, 7, 4, 1, 8, 2, 5, 9, 3]]);
         let value = |rated: &Rated| rated.merit.exp();
@@ -362,13 +412,14 @@ mod tests {
         let config = platforms().swap_remove(2);
         let evaluator = Evaluator::new(config.check().unwrap(), by_accuracy());
         let positions = sets().swap_remove(0);
-        let of = |most_steps| best_order(&evaluator, &positions, 6000.0, 1, most_steps).unwrap();
+        let of =
+            |most_steps| best_order(&evaluator, &positions, None, 6000.0, 1, most_steps).unwrap();
         let (cut, whole) = (of(10), of(MOST_STEPS));
         assert_eq!(cut.proof, Proof::StepLimit);
         assert!(matches!(whole.proof, Proof::Complete | Proof::OtherTriples));
         assert!(cut.steps < whole.steps);
         let many = StandardScheme::Cube18.positions();
-        let many = best_order(&evaluator, &many, 12_000.0, 1, MOST_STEPS).unwrap();
+        let many = best_order(&evaluator, &many, None, 12_000.0, 1, MOST_STEPS).unwrap();
         assert_eq!((many.proof, many.steps), (Proof::TooManyPositions, 0));
     }
 
@@ -380,7 +431,7 @@ mod tests {
         for most_steps in [200, MOST_STEPS] {
             let [one, three] = [1, 3].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-                let find = || best_order(&evaluator, &positions, 6000.0, 7, most_steps);
+                let find = || best_order(&evaluator, &positions, None, 6000.0, 7, most_steps);
                 pool.unwrap().install(find).unwrap()
             });
             assert_eq!(one, three);

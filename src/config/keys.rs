@@ -24,7 +24,8 @@ pub(super) static KNOWN: LazyLock<Vec<(String, Absent)>> = LazyLock::new(|| {
         .into_iter()
         .flat_map(error_keys);
     let errors = errors.map(|key| (key, Nothing));
-    let platform = OF_THE_PLATFORM.iter().map(own);
+    let test = OF_THE_TEST.iter().map(|key| ((*key).to_owned(), Nothing));
+    let platform = test.chain(OF_THE_PLATFORM.iter().map(own));
     // The tables with a number per parameter stand behind what else there is in [objective].
     let (objective, rest): (Vec<_>, Vec<_>) = OF_THE_TASK
         .iter()
@@ -59,6 +60,15 @@ fn error_keys(table: &str) -> impl Iterator<Item = String> {
     let names = model::optional_groups().flat_map(|g| g.names);
     groups.chain(names.map(move |name| format!("{table}.parameter.{name}")))
 }
+
+/// Keys that say whose test it is.
+const OF_THE_TEST: &[&str] = &[
+    "test.title",
+    "test.serial",
+    "test.stand",
+    "test.operator",
+    "test.note",
+];
 
 /// Keys of the platform but for its errors.
 const OF_THE_PLATFORM: &[(&str, Absent)] = &[
@@ -254,6 +264,7 @@ mod tests {
         assert_eq!(
             names_in(""),
             [
+                "test",
                 "site",
                 "accelerometer",
                 "gyro",

@@ -226,6 +226,7 @@ impl<'a> Document<'a> {
         let mut config = StudyConfig::default();
         // Table by table and not as a whole, because the flattened StudyConfig would lose the
         // places of wrong values.
+        self.table("test", &mut config.test)?;
         self.table("site", &mut config.platform.site)?;
         self.table("accelerometer", &mut config.platform.accelerometer)?;
         self.table("gyro", &mut config.platform.gyro)?;

@@ -176,6 +176,69 @@ pub struct ScoreConfig {
     pub minimum_separability: f64,
 }
 
+/// Whose test it is: told in every document and report.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
+#[non_exhaustive]
+pub struct TestConfig {
+    /// What it is called, 1 to 200 characters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// Serial number of the platform, 1 to 200 characters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub serial: Option<String>,
+    /// The stand that it is run on, 1 to 200 characters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stand: Option<String>,
+    /// Who runs it, 1 to 200 characters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub operator: Option<String>,
+    /// What else is to be said, 1 to 200 characters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+impl TestConfig {
+    /// Longest text of a key, characters.
+    const LONGEST: usize = 200;
+
+    /// What is given, by key.
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let all = [
+            ("title", &self.title),
+            ("serial", &self.serial),
+            ("stand", &self.stand),
+            ("operator", &self.operator),
+            ("note", &self.note),
+        ];
+        all.into_iter()
+            .filter_map(|(name, text)| Some((name, text.as_deref()?)))
+    }
+
+    /// Whether nobody said anything.
+    pub fn is_empty(&self) -> bool {
+        self.given().next().is_none()
+    }
+
+    /// Texts go into terminals, pages and lines of messages.
+    pub(super) fn check(&self) -> Result<()> {
+        for (name, text) in self.given() {
+            let length = text.chars().count();
+            if text.trim().is_empty() || length > Self::LONGEST || text.contains(char::is_control) {
+                return Err(Error::input("not a text of one line")
+                    .with_key(format!("test.{name}"))
+                    .with_value(format!("\"{}\"", crate::schedule::text::shown(text)))
+                    .with_allowed(format!(
+                        "1 to {} characters, none of them a line break or another control character",
+                        Self::LONGEST
+                    )));
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Default for ScoreConfig {
     fn default() -> Self {
         Self {

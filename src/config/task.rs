@@ -52,6 +52,7 @@ impl CheckedConfig {
             seed: search.seed,
             position_tolerance: search.position_tolerance,
             allow_tumbling: search.allow_tumbling,
+            from: None,
         }
     }
 

@@ -123,22 +123,32 @@ fn settings(platform: &Platform, axis: usize, angle: Degrees) -> Settings {
 ///
 /// Dynamic programming over the triples of each position.
 pub fn quickest_positions(test: &Test, positions: &[Position]) -> Vec<Position> {
+    quickest_positions_but(test, positions, &|_| false)
+}
+
+/// The same, those that are `held` staying as they are.
+pub(crate) fn quickest_positions_but(
+    test: &Test,
+    positions: &[Position],
+    held: &dyn Fn(usize) -> bool,
+) -> Vec<Position> {
     let platform = test.platform();
     if platform.motion().slew_rate_rad_per_s.is_none() {
-        let first = |p: &Position| {
+        let first = |(k, p): (usize, &Position)| {
             let reachable = equivalent_positions(platform, *p).into_iter().next();
-            reachable.unwrap_or(*p)
+            reachable.filter(|_| !held(k)).unwrap_or(*p)
         };
-        return positions.iter().map(first).collect();
+        return positions.iter().enumerate().map(first).collect();
     }
     if positions.is_empty() {
         return Vec::new();
     }
     let options: Vec<Vec<Place>> = positions
         .iter()
-        .map(|p| {
+        .enumerate()
+        .map(|(k, p)| {
             let all = equivalent_places(platform, *p);
-            if all.is_empty() {
+            if all.is_empty() || held(k) {
                 vec![Place::new(*p)]
             } else {
                 all

@@ -38,6 +38,7 @@ use askama::Template;
 
 use crate::baseline::baselines;
 use crate::certificate::Certifier;
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
 use crate::report::{angles, words};
@@ -59,7 +60,12 @@ use verdict::{OnSpecification, accuracy_words, gain, search_words, side_by_side,
 /// As [`Evaluator::evaluate`](crate::evaluate::Evaluator::evaluate), for a document that does not
 /// fit this version; [`Error::is_input`] when its inputs are not acceptable.
 pub fn result(document: &ResultDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        document.done.as_ref(),
+    )?;
     let mut verdict = words::preface(document);
     let known = document.evaluation.score.known_before.is_some();
     verdict.extend(accuracy_words(&subject, words::specification));
@@ -68,6 +74,12 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     if !known && document.unobservable.is_acceptable() {
         verdict.extend(gain(&document.baselines));
     }
+    verdict.extend(
+        document
+            .from
+            .as_ref()
+            .map(|from| words::from(document, from)),
+    );
     verdict.extend(words::claims(&document.evaluation));
     verdict.extend(weakness(&subject));
     verdict.push(search_words(document));
@@ -108,7 +120,11 @@ pub fn result(document: &ResultDocument) -> Result<String> {
     sections.push(basis(&subject, command, Some(document.seed))?);
     let total = seconds(document.evaluation.total_time_s);
     let title = format!("Torquing scheme found: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a schedule that was given.
@@ -117,7 +133,12 @@ pub fn result(document: &ResultDocument) -> Result<String> {
 ///
 /// As [`result`].
 pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        document.done.as_ref(),
+    )?;
     let (verdict, standing) = standing(&subject, words::specification);
     let mut sections = vec![Section::new(
         "verdict",
@@ -136,7 +157,11 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     sections.push(basis(&subject, command, None)?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme evaluated: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a simulation.
@@ -145,7 +170,12 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
 ///
 /// As [`result`].
 pub fn simulation(document: &SimulationDocument) -> Result<String> {
-    let subject = Subject::new(&document.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(
+        &document.schedule,
+        &document.inputs,
+        &document.defaulted,
+        None,
+    )?;
     let (planned, standing) = standing(&subject, words::planned_specification);
     let mut verdict = words::simulated(document);
     verdict.extend(planned);
@@ -212,7 +242,11 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
     sections.push(basis(&subject, &command, Some(document.seed))?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme simulated: {total} s");
-    page(&title, with_warnings(&subject.document.warnings, sections))
+    page(
+        &title,
+        Some(&document.inputs.test),
+        with_warnings(&subject.document.warnings, sections),
+    )
 }
 
 /// The page of a comparison: side by side, and then the best of them in full.
@@ -226,7 +260,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
         .iter()
         .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
         .ok_or_else(|| Error::input("the comparison holds no schedule").with_key("schedules"))?;
-    let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted)?;
+    let subject = Subject::new(&best.schedule, &document.inputs, &document.defaulted, None)?;
     let name = tables::name(&best.name, best.order);
     let mut verdict = vec![side_by_side(document, best, &name)];
     verdict.extend(accuracy_words(&subject, words::specification));
@@ -265,6 +299,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     sections.push(basis(&subject, &command, None)?);
     page(
         &format!("Torquing schemes compared; best: {name}"),
+        Some(&document.inputs.test),
         with_warnings(&document.warnings, sections),
     )
 }
@@ -323,9 +358,10 @@ fn with_warnings(warnings: &[WarningRecord], mut sections: Vec<Section>) -> Vec<
     sections
 }
 
-fn page(title: &str, sections: Vec<Section>) -> Result<String> {
+fn page(title: &str, test: Option<&TestConfig>, sections: Vec<Section>) -> Result<String> {
     let page = Page {
         title: title.to_owned(),
+        test: test.and_then(words::test),
         tool_version: TOOL_VERSION,
         sections,
     };
@@ -342,7 +378,7 @@ fn page(title: &str, sections: Vec<Section>) -> Result<String> {
 pub fn absent(why: &Error) -> Result<String> {
     let text = format!("This report could not be made: {why}. The document has the result.");
     let section = Section::new("verdict", "No report", vec![Block::Text(text)]);
-    page("Torquing scheme", vec![section])
+    page("Torquing scheme", None, vec![section])
 }
 
 /// The unit as this page writes it: sentences shared with the terminal have it in plain letters.

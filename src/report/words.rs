@@ -1,12 +1,13 @@
 //! What the numbers mean, in sentences: shared by the text on a terminal and the HTML page.
 
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::drift::DriftCoefficient;
 use crate::model::Colour;
 use crate::platform::Platform;
 use crate::results::{
-    CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
-    RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
+    BaselineRecord, CertificateRecord, ComparedWith, DoneRecord, EvaluationDocument, FromRecord,
+    ParameterRecord, ResultDocument, RoleRecord, ScoreRecord, SimulatedParameter,
+    SimulationDocument,
 };
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
@@ -16,9 +17,89 @@ use crate::wording::{listed, number, seconds, separability};
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
     let mut words = Vec::new();
+    words.extend(document.done.as_ref().map(done));
     words.extend(unobservable(document));
     words.extend(known_before(&document.evaluation));
     words
+}
+
+/// Whose test it is; none where nobody said.
+pub fn test(test: &TestConfig) -> Option<String> {
+    let said = test.given().map(|(name, text)| match name {
+        "title" | "note" => text.to_owned(),
+        _ => format!("{name} {text}"),
+    });
+    let said: Vec<String> = said.collect();
+    (!said.is_empty()).then(|| said.join("; "))
+}
+
+/// What of the test is done already.
+pub fn done(done: &DoneRecord) -> String {
+    let count = done.schedule.positions.len();
+    format!(
+        "Done already: {count} position{} in {} s. What follows is the rest; times count from the \
+         beginning of the test.",
+        if count == 1 { "" } else { "s" },
+        seconds(done.total_time_s)
+    )
+}
+
+/// How the result stands to the scheme that the search began with.
+pub fn from(document: &ResultDocument, from: &FromRecord) -> String {
+    let name = &from.name;
+    let mut words = Vec::new();
+    if !from.only.is_empty() {
+        words.push(format!(
+            "Of {name} only the {} may change.",
+            listed(&from.only)
+        ));
+    }
+    let score = &document.evaluation.score;
+    let reaches = from
+        .criterion
+        .zip(from.total_time_s)
+        .map(|(criterion, time_s)| {
+            format!(
+                "{name} itself reaches {}{} in {} s",
+                number(criterion),
+                unit(&score.criterion_unit),
+                seconds(time_s)
+            )
+        });
+    let compares = score.known_before.is_none();
+    match (reaches, from.is_the_result) {
+        (_, true) => words.push(format!(
+            "Nothing better than {name} was found: this is the scheme as it was given."
+        )),
+        (Some(reaches), false) if from.time_ratio.is_some() => words.push(format!(
+            "{reaches}: this takes {}.",
+            match from.time_ratio.unwrap_or(1.0) {
+                r if r >= 1.005 => format!("{r:.2} times less than that"),
+                _ => "as long".to_owned(),
+            }
+        )),
+        (Some(reaches), false) if compares => {
+            words.push(format!("{reaches}: this is {} it.", compared(from.ratio)))
+        }
+        (Some(reaches), false) => words.push(format!("{reaches}.")),
+        (None, false) => {}
+    }
+    if !from.beyond.is_empty() {
+        words.push(format!(
+            "{name} is not within the limits of this search: {}. Its nearest form within them was one \
+             of the starts, and for that reason the result need not be as good as it.",
+            from.beyond.join("; ")
+        ));
+    }
+    if !from.pinned.is_empty() && from.only != ["dwells"] {
+        let numbers: Vec<String> = from.pinned.iter().map(ToString::to_string).collect();
+        let s = if numbers.len() == 1 { "" } else { "s" };
+        words.push(format!(
+            "Its pinned position{s} {} kept angles and order.",
+            listed(&numbers)
+        ));
+    }
+    words.join(" ")
 }
 
 /// That the criterion is 0 whatever the schedule; none where it is not.
@@ -98,8 +179,8 @@ pub fn verdict(document: &ResultDocument) -> String {
     let compares = score.known_before.is_none() && document.unobservable.is_acceptable();
     let best = document.best_baseline().filter(|_| compares);
     let comparison = best.map_or_else(String::new, |best| {
-        let compared = compared(best.criterion_ratio);
-        format!(": {compared} the best standard scheme ({})", best.name)
+        let compared = compared(best.yardstick_ratio());
+        format!(": {compared} the best standard scheme ({})", in_order(best))
     });
     format!(
         "RMS sigma {} deg/h{searched_for} in {} s with {positions} position{}{comparison}\n",
@@ -107,6 +188,14 @@ pub fn verdict(document: &ResultDocument) -> String {
         seconds(found.total_time_s),
         if positions == 1 { "" } else { "s" },
     )
+}
+
+/// A standard scheme by its name, and in which order it is the yardstick.
+pub fn in_order(scheme: &BaselineRecord) -> String {
+    match scheme.best_order {
+        Some(_) => format!("{} in its best order", scheme.name),
+        None => scheme.name.clone(),
+    }
 }
 
 /// A ratio of another schedule's criterion to this one's, in words.

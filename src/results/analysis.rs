@@ -10,7 +10,7 @@ use super::parameters::{self, ParameterRecord};
 pub use crate::analysis::suggest::Standing;
 use crate::analysis::suggest::{NoSuggestion, Suggestion};
 use crate::analysis::{Analysis, CorrelatedPair, PositionAnalysis, StateOrder};
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::drift::DriftCoefficient;
 use crate::evaluate::{Evaluation, Objective};
 use crate::observability::classical::PiecewiseConstant;
@@ -36,6 +36,9 @@ pub struct AnalysisDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
     /// Orders of the states of a dwell.
@@ -339,6 +342,7 @@ impl AnalysisDocument {
         Self {
             schema: ANALYSIS_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             total_time_s: evaluation.total_time_s,
             states: analysis.states.iter().map(Into::into).collect(),
             coefficients: coefficients(analysis, evaluation),
@@ -538,6 +542,7 @@ impl From<&Suggestion> for SuggestionRecord {
                 move_s: None,
                 move_measured: None,
                 change_deg: None,
+                pinned: false,
                 notes: Notes::new(),
             },
             before: s.before,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
 use crate::certificate::{Bound, Certifier, CriterionBound, Majorant, MinimumTime, Remark};
-use crate::config::{Mode, StudyConfig};
+use crate::config::{Mode, StudyConfig, TestConfig};
 use crate::criterion::Criterion;
 use crate::drift::{CoefficientVector, DriftCoefficient};
 use crate::evaluate::Objective;
@@ -27,6 +27,9 @@ pub struct BoundDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// Duration that the bound is for, s: no schedule of this length or shorter beats it.
     pub total_time_s: f64,
     /// `a`, `d`, `e` or `max-ratio`.
@@ -101,6 +104,7 @@ impl BoundDocument {
         Self {
             schema: BOUND_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             total_time_s: bound.total_time_s,
             criterion: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),

@@ -1,5 +1,6 @@
 //! What every document is made with.
 
+use super::given::DoneRecord;
 use crate::config::StudyConfig;
 use crate::schedule::Schedule;
 use crate::suspicion::{self, WarningRecord};
@@ -14,6 +15,8 @@ pub struct Inputs {
     pub config: StudyConfig,
     /// Keys whose value is the default, in dotted form.
     pub defaulted: Vec<String>,
+    /// What of the test is done already.
+    pub done: Option<DoneRecord>,
 }
 
 /// What is hard to believe of the inputs and of a schedule.

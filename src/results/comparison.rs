@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::evaluation::criterion_unit;
 use crate::compare::{ComparedSchedule, PositionOrder, Proof, Terms};
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::drift::DriftCoefficient;
 use crate::evaluate::{Evaluation, Objective};
 use crate::schedule::Schedule;
@@ -24,6 +24,9 @@ pub struct ComparisonDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// Total time of every schedule, moves and settles included, s, but for less than a filter
     /// period; null: given schedules have their own.
     pub total_time_s: Option<f64>,
@@ -148,6 +151,7 @@ impl ComparisonDocument {
         Self {
             schema: COMPARISON_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             total_time_s: terms.scale.then_some(terms.total_time_s),
             criterion_name: objective.criterion.name().to_owned(),
             criterion_unit: criterion_unit(&objective.criterion).to_owned(),

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
+use super::given::DoneRecord;
 use super::limits::LimitRecord;
 use super::named::NamedObservabilityRecord;
 use super::parameters::{self, BudgetRecord, ParameterRecord};
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::covariance::Precision;
 use crate::covariance::history::{ConvergenceHistory, PositionConvergence};
 use crate::criterion::Criterion;
@@ -32,6 +33,9 @@ pub struct EvaluationDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
     /// Of which moves and settles, s.
@@ -62,6 +66,9 @@ pub struct EvaluationDocument {
     /// out (schedules of a comparison, the rest of a test).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitRecord>,
+    /// What of the test is done already; left out at the beginning of a test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub done: Option<DoneRecord>,
     /// What the schedule makes observable.
     pub observability: ObservabilityRecord,
     /// σ against time.
@@ -303,6 +310,7 @@ impl EvaluationDocument {
         Self {
             schema: EVALUATION_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             total_time_s: evaluation.total_time_s,
             overhead_s: evaluation.overhead_s,
             rms_sigma_deg_per_h: evaluation.rms_sigma_deg_per_h(),
@@ -326,6 +334,7 @@ impl EvaluationDocument {
             parameters: parameters::of(evaluation, objective),
             budget: parameters::budget(evaluation),
             limits: Vec::new(),
+            done: inputs.done.clone(),
             observability: ObservabilityRecord::new(evaluation),
             convergence: ConvergenceRecord::from(&evaluation.convergence),
             agreement: evaluation.agreement,

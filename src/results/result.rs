@@ -6,12 +6,13 @@ use super::bound::{CertificateRecord, front_bounds};
 use super::common::{Inputs, TOOL_VERSION, finite, warnings};
 use super::counters::CounterRecord;
 use super::evaluation::EvaluationDocument;
+use super::given::{DoneRecord, FromRecord};
 use crate::analysis::Unobservable;
 #[cfg(feature = "cli")]
 use crate::analysis::not_observed;
 use crate::baseline::Baseline;
 use crate::certificate::Certifier;
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::drift::DriftCoefficient;
 use crate::evaluate::Objective;
 use crate::schedule::file::ScheduleDocument;
@@ -30,6 +31,9 @@ pub struct ResultDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// How the search ended.
     pub status: Status,
     /// The same in words.
@@ -63,6 +67,12 @@ pub struct ResultDocument {
     pub inputs: StudyConfig,
     /// Keys of `inputs` that nobody gave.
     pub defaulted: Vec<String>,
+    /// The scheme that the search began with; left out when it began with none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<FromRecord>,
+    /// What of the test was done already; left out at the beginning of a test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub done: Option<DoneRecord>,
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<WarningRecord>,
@@ -161,6 +171,40 @@ pub struct BaselineRecord {
     pub criterion: f64,
     /// The same divided by that of the schedule found.
     pub criterion_ratio: Option<f64>,
+    /// The same positions in the best order that was found for them; left out where none was looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_order: Option<BestOrderRecord>,
+}
+
+/// A standard scheme in the best order that was found for it, by a local search: a better one may exist.
+/// Dwells are equal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", schemars(rename = "BestOrder"))]
+#[non_exhaustive]
+pub struct BestOrderRecord {
+    /// Its RMS σ, °/h.
+    pub rms_sigma_deg_per_h: f64,
+    /// Its RMS σ divided by that of the schedule found.
+    pub ratio: Option<f64>,
+    /// Its value of the criterion, in the score's `criterion_unit`.
+    pub criterion: f64,
+    /// The same divided by that of the schedule found.
+    pub criterion_ratio: Option<f64>,
+}
+
+impl BaselineRecord {
+    /// The criterion in the best order that is known.
+    pub(crate) fn yardstick(&self) -> f64 {
+        let best = self.best_order.as_ref();
+        best.map_or(self.criterion, |best| best.criterion)
+    }
+
+    /// The same divided by that of the schedule found.
+    pub(crate) fn yardstick_ratio(&self) -> Option<f64> {
+        let best = self.best_order.as_ref();
+        best.map_or(self.criterion_ratio, |best| best.criterion_ratio)
+    }
 }
 
 /// A standard scheme that could not be compared.
@@ -190,6 +234,7 @@ impl ResultDocument {
         Self {
             schema: RESULT_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             status: outcome.status,
             reason: outcome.reason.to_string(),
             schedule: ScheduleDocument::from(&outcome.schedule),
@@ -204,6 +249,8 @@ impl ResultDocument {
             wall_time_s: wall_time_s.and_then(finite),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
+            from: None,
+            done: inputs.done.clone(),
             warnings: warnings(inputs, Some(&outcome.schedule)),
         }
     }
@@ -235,11 +282,12 @@ impl ResultDocument {
         self
     }
 
-    /// The baseline that is best by the criterion of the search, if any could be run.
+    /// The baseline that is best by the criterion of the search, each in the best order that was found
+    /// for it, if any could be run.
     pub fn best_baseline(&self) -> Option<&BaselineRecord> {
         self.baselines
             .iter()
-            .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
+            .min_by(|a, b| a.yardstick().total_cmp(&b.yardstick()))
     }
 }
 
@@ -254,6 +302,12 @@ pub(crate) fn compared(baselines: &[Baseline], found: &EvaluationDocument) -> Ve
             ratio: finite(accuracy.rms_sigma_deg_per_h / found.rms_sigma_deg_per_h),
             criterion: accuracy.criterion,
             criterion_ratio: finite(accuracy.criterion / found.score.criterion),
+            best_order: b.in_best_order.map(|best| BestOrderRecord {
+                rms_sigma_deg_per_h: best.rms_sigma_deg_per_h,
+                ratio: finite(best.rms_sigma_deg_per_h / found.rms_sigma_deg_per_h),
+                criterion: best.criterion,
+                criterion_ratio: finite(best.criterion / found.score.criterion),
+            }),
         })
     };
     baselines.iter().filter_map(record).collect()

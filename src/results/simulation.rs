@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::StudyConfig;
+use crate::config::{StudyConfig, TestConfig};
 use crate::drift::DriftCoefficient;
 use crate::evaluate::MISALIGNMENT_NAMES;
 use crate::schedule::Schedule;
@@ -45,6 +45,9 @@ pub struct SimulationDocument {
     pub schema: String,
     /// Version of the program that wrote it.
     pub tool_version: String,
+    /// Whose test it is; left out where nobody said.
+    #[serde(default, skip_serializing_if = "TestConfig::is_empty")]
+    pub test: TestConfig,
     /// Duration of the test, moves and settles included, s.
     pub total_time_s: f64,
     /// How many runs.
@@ -341,6 +344,7 @@ impl SimulationDocument {
         Self {
             schema: SIMULATION_SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
+            test: inputs.config.test.clone(),
             total_time_s: found.total_time_s,
             runs: found.runs,
             seed: found.seed,

@@ -13,7 +13,8 @@
 //! ```
 //!
 //! A position that is not reached the short way round has `"change_deg": [Δα, Δβ, Δγ]`, the way
-//! taken from the position before.
+//! taken from the position before. `"pinned": true` marks one that a search which begins with the
+//! schedule keeps; in tables `pinned` is true, yes, 1 or x.
 //!
 //! CSV: the same columns with a header line, in any order, `change_deg` as `alpha_change_deg`,
 //! `beta_change_deg`, `gamma_change_deg`; what is optional may be left out, as columns or as single
@@ -50,13 +51,14 @@ use crate::units::round_deg;
 pub const SCHEMA: &str = "scheme-opt/schedule/1";
 
 /// The columns of a CSV schedule, in the order they are written.
-const COLUMNS: [&str; 9] = [
+const COLUMNS: [&str; 10] = [
     "alpha_deg",
     "beta_deg",
     "gamma_deg",
     "dwell_s",
     "move_s",
     "move_measured",
+    "pinned",
     "alpha_change_deg",
     "beta_change_deg",
     "gamma_change_deg",
@@ -65,7 +67,7 @@ const COLUMNS: [&str; 9] = [
 const REQUIRED_COLUMNS: usize = 4;
 /// How many of [`COLUMNS`] hold one value of a position; the rest are the three of
 /// [`CHANGE_KEY`].
-const SINGLE_COLUMNS: usize = 6;
+const SINGLE_COLUMNS: usize = 7;
 /// What JSON calls the way to a position.
 const CHANGE_KEY: &str = "change_deg";
 /// What JSON calls the other columns of a table.
@@ -132,6 +134,9 @@ pub struct PositionRecord {
     /// Whether the filter measures during that move; none: as the platform has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub move_measured: Option<bool>,
+    /// Whether a search that begins with the schedule (`search --from`) keeps the position.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pinned: bool,
     /// The way taken from the position before (the first: from the start attitude), changes of
     /// (α, β, γ), degrees, congruent to the target modulo 360; none: the short way on unlimited
     /// axes, half turns positive.
@@ -153,6 +158,7 @@ impl From<&ScheduledPosition> for PositionRecord {
             dwell_s: p.dwell_s,
             move_s: p.move_s,
             move_measured: p.move_measured,
+            pinned: p.pinned,
             change_deg: p.change_deg.map(|c| c.map(|deg| round_deg(deg) + 0.0)),
             notes: Notes::new(),
         }
@@ -167,6 +173,7 @@ impl From<&PositionRecord> for ScheduledPosition {
             move_s: r.move_s,
             move_measured: r.move_measured,
             change_deg: r.change_deg,
+            pinned: r.pinned,
         }
     }
 }
@@ -414,6 +421,10 @@ fn cells(record: &PositionRecord) -> [String; COLUMNS.len()] {
         record
             .move_measured
             .map_or_else(String::new, |m| m.to_string()),
+        match record.pinned {
+            true => "true".to_owned(),
+            false => String::new(),
+        },
         change(0),
         change(1),
         change(2),
@@ -439,16 +450,19 @@ mod tests {
             proptest::option::of(0.0..1e7_f64),
             proptest::option::of(any::<bool>()),
             proptest::option::of([angle(), angle(), angle()]),
+            any::<bool>(),
         );
-        let position = position.prop_map(|(a, dwell_s, move_s, move_measured, change_deg)| {
-            ScheduledPosition {
-                position: Position::from_deg(a[0], a[1], a[2]),
-                dwell_s,
-                move_s,
-                move_measured,
-                change_deg,
-            }
-        });
+        let position =
+            position.prop_map(|(a, dwell_s, move_s, move_measured, change_deg, pinned)| {
+                ScheduledPosition {
+                    position: Position::from_deg(a[0], a[1], a[2]),
+                    dwell_s,
+                    move_s,
+                    move_measured,
+                    change_deg,
+                    pinned,
+                }
+            });
         proptest::collection::vec(position, 1..5).prop_map(|p| Schedule::new(p).unwrap())
     }
 
@@ -503,6 +517,12 @@ mod tests {
         let round = Schedule::new(vec![one.positions()[0], position]).unwrap();
         assert!(to_csv(&round).ends_with("90.0,0.0,1e-9,600.0,true,-270.0,0.0,1e-9\n"));
         assert!(to_json(&round).contains("true, \"change_deg\": [-270.0, 0.0, 1e-9]}\n"));
+        position = one.positions()[0];
+        position.pinned = true;
+        let held = Schedule::new(vec![position, one.positions()[0]]).unwrap();
+        let rows = "dwell_s,pinned\n90.0,0.0,1e-9,600.0,true\n90.0,0.0,1e-9,600.0,\n";
+        assert!(to_csv(&held).ends_with(rows));
+        assert!(to_json(&held).contains("\"dwell_s\": 600.0, \"pinned\": true},\n"));
     }
 
     #[test]

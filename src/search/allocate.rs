@@ -47,7 +47,7 @@ pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing
         let Some(model) = LocalModel::around(evaluator, &current.plan, smoothing, work) else {
             break;
         };
-        let Some(step) = model.solve(&current.plan.dwell_s, trust) else {
+        let Some(step) = model.solve(&to_give(context, &current.plan), trust) else {
             break;
         };
         match apply(context, &current.plan, &step, smoothing) {
@@ -69,6 +69,18 @@ pub(crate) fn allocate(context: Context<'_>, plan: Refined, smoothing: Smoothing
     current
 }
 
+/// How much of its dwell each position may lose, s: one that is held keeps the shortest dwell.
+fn to_give(context: Context<'_>, plan: &Plan) -> Vec<f64> {
+    let shortest_s = context.evaluator.test().platform().shortest_dwell_s();
+    let dwells = plan.dwell_s.iter().enumerate();
+    dwells
+        .map(|(k, dwell_s)| match plan.is_held(k) {
+            true => (dwell_s - shortest_s).max(0.0),
+            false => *dwell_s,
+        })
+        .collect()
+}
+
 /// Applies a step: positions left with less than half the minimum dwell (or half a period) are
 /// dropped, and the rest fills the total time.
 fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) -> Option<Refined> {
@@ -79,7 +91,7 @@ fn apply(context: Context<'_>, plan: &Plan, step: &[f64], smoothing: Smoothing) 
     for (k, change) in step.iter().enumerate().rev() {
         next.dwell_s[k] += change;
         // From the last on, so that removing one does not shift those still to come.
-        if next.dwell_s[k] < shortest {
+        if next.dwell_s[k] < shortest && !next.is_held(k) {
             next.remove(k);
         }
     }
@@ -226,8 +238,9 @@ impl LocalModel {
     }
 
     /// The step of the quadratic program, in s; none when clarabel does not solve it.
-    fn solve(&self, dwell_s: &[f64], trust: f64) -> Option<Vec<f64>> {
-        let count = dwell_s.len();
+    /// `to_give_s` is what each dwell may lose.
+    fn solve(&self, to_give_s: &[f64], trust: f64) -> Option<Vec<f64>> {
+        let count = to_give_s.len();
         // In units of the trust region, so that the program is well scaled whatever the times.
         let mut upper = Vec::with_capacity(count * (count + 1) / 2);
         let (mut rows, mut starts) = (Vec::new(), vec![0]);
@@ -242,7 +255,7 @@ impl LocalModel {
         }
         let quadratic = CscMatrix::new(count, count, starts, rows, upper);
         let linear: Vec<f64> = self.gradient.iter().map(|g| g * trust).collect();
-        // Rows: the sum, then −Δ_k ≤ min(d_k/trust, 1) and Δ_k ≤ 1.
+        // Rows: the sum, then −Δ_k ≤ min(g_k/trust, 1) and Δ_k ≤ 1, g_k what is to give.
         let (mut rows, mut values, mut starts) = (Vec::new(), Vec::new(), vec![0]);
         for k in 0..count {
             rows.extend([0, 1 + k, 1 + count + k]);
@@ -251,7 +264,7 @@ impl LocalModel {
         }
         let constraints = CscMatrix::new(1 + 2 * count, count, starts, rows, values);
         let mut bounds = vec![0.0];
-        bounds.extend(dwell_s.iter().map(|d| (d / trust).min(1.0)));
+        bounds.extend(to_give_s.iter().map(|d| (d / trust).min(1.0)));
         bounds.extend(std::iter::repeat_n(1.0, count));
         // A program that cannot be set up or solved gives no step.
         let settings = DefaultSettingsBuilder::default()

@@ -11,9 +11,10 @@
 //! business.
 
 use super::context::{Context, WorkDone};
-pub use super::journal::{Finished, FinishedPlan, Journal};
-use super::plan::Plan;
+pub use super::journal::{Finished, FinishedPlan, HeldPlace, Journal};
+use super::plan::{Pin, Plan};
 use super::rated::{Candidate, Refined};
+use crate::attitude::Position;
 
 /// What a journal can hold.
 pub(super) trait Memorable: Sized {
@@ -57,8 +58,29 @@ fn finished(plan: &Plan, merit: f64, criterion: Option<f64>) -> FinishedPlan {
             true => plan.ways.clone(),
             false => Vec::new(),
         },
+        held: match plan.holds_any() {
+            true => plan.pins.iter().map(|pin| Some(held(&(*pin)?))).collect(),
+            false => Vec::new(),
+        },
         merit,
         criterion,
+    }
+}
+
+fn held(pin: &Pin) -> HeldPlace {
+    HeldPlace {
+        index: pin.index,
+        angles_deg: pin.position.degrees(),
+        pinned: pin.pinned,
+    }
+}
+
+fn pin(held: &HeldPlace) -> Pin {
+    let [alpha, beta, gamma] = held.angles_deg;
+    Pin {
+        index: held.index,
+        position: Position::from_deg(alpha, beta, gamma),
+        pinned: held.pinned,
     }
 }
 
@@ -67,15 +89,22 @@ fn plan(mut finished: FinishedPlan) -> Option<Plan> {
     if finished.changes_rad.is_empty() {
         finished.changes_rad = vec![None; finished.angles_rad.len()];
     }
+    if finished.held.is_empty() {
+        finished.held = vec![None; finished.angles_rad.len()];
+    }
     let sound = finished.is_finite()
         && !finished.angles_rad.is_empty()
         && finished.angles_rad.len() == finished.dwell_s.len()
         && finished.angles_rad.len() == finished.changes_rad.len()
+        && finished.angles_rad.len() == finished.held.len()
         && finished.dwell_s.iter().all(|d| *d >= 0.0);
     sound.then_some(Plan {
         angles: finished.angles_rad,
         dwell_s: finished.dwell_s,
         ways: finished.changes_rad,
+        pins: (finished.held.iter())
+            .map(|held| held.as_ref().map(pin))
+            .collect(),
     })
 }
 

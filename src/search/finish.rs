@@ -77,7 +77,7 @@ impl Workshop for FreeAngles {
 /// From the power mean towards the criterion itself: ever sharper means, each from the last, and
 /// of all of them the plan that is best by the criterion. The sharper the mean the harder it is to
 /// refine, so the sharpest is not always the one.
-fn towards_the_kink(context: Context<'_>, mut current: Refined) -> Refined {
+pub(super) fn towards_the_kink(context: Context<'_>, mut current: Refined) -> Refined {
     let exact = |plan: &Plan| rate(context, plan, Smoothing::Exact);
     let mut best = exact(&current.plan);
     for power in [16.0, 48.0, SHARPEST, 432.0, 1296.0, 3888.0] {
@@ -100,7 +100,11 @@ fn towards_the_kink(context: Context<'_>, mut current: Refined) -> Refined {
 }
 
 /// Allocation and refinement in turn until neither helps.
-fn settle_allocation(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
+pub(super) fn settle_allocation(
+    context: Context<'_>,
+    smoothing: Smoothing,
+    mut current: Refined,
+) -> Refined {
     for _ in 0..ROUNDS {
         if context.must_stop() {
             break;
@@ -127,7 +131,8 @@ fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -
             let fewer = current.plan.without(k);
             fewer.fitted(test, problem.total_time_s)
         };
-        let fewer = (0..current.plan.angles.len()).filter_map(without).collect();
+        let free = (0..current.plan.angles.len()).filter(|k| !current.plan.is_held(*k));
+        let fewer = free.filter_map(without).collect();
         let candidates = refine_all(context, fewer, smoothing, REMOVAL_ITERATIONS);
         let Some(best) = candidates.into_iter().flatten().reduce(Refined::better) else {
             break;
@@ -187,7 +192,7 @@ fn rounded_to_fit(test: &Test, plan: &Plan, total_time_s: f64) -> Option<Plan> {
 
 /// Ways turned the other way round as long as the criterion gets better by it and the test no
 /// longer: a half turn is as long either way.
-fn best_ways(context: Context<'_>, mut plan: Plan) -> Plan {
+pub(super) fn best_ways(context: Context<'_>, mut plan: Plan) -> Plan {
     let test = context.evaluator.test();
     let total_time_s = plan.timeline(test).total_time_s();
     let mut merit = exact_merit(context, &plan);
@@ -254,15 +259,22 @@ fn exact_merit(context: Context<'_>, plan: &Plan) -> f64 {
     merit.unwrap_or(f64::INFINITY)
 }
 
-/// Rounds the dwells of a plan whose angles are final.
-pub(super) fn settle_times(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+/// Rounds the dwells of a plan whose angles are final, and takes the best ways if those are free.
+pub(super) fn settle_times(
+    context: Context<'_>,
+    plan: &Plan,
+    ways_are_free: bool,
+) -> Option<Candidate> {
     let test = context.evaluator.test();
-    let plan = with_whole_periods(test, plan, context.problem.total_time_s)?;
-    final_figures(context, shift_periods(context, best_ways(context, plan)))
+    let mut plan = with_whole_periods(test, plan, context.problem.total_time_s)?;
+    if ways_are_free {
+        plan = best_ways(context, plan);
+    }
+    final_figures(context, shift_periods(context, plan))
 }
 
 /// The final figures of a plan.
-fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
+pub(super) fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
     let evaluator = context.evaluator;
     context.work.count_evaluations(1);
     let timeline = plan.timeline(evaluator.test());
@@ -279,8 +291,10 @@ fn final_figures(context: Context<'_>, plan: Plan) -> Option<Candidate> {
 /// The plan with rounded angles; the ways stay.
 fn rounded(platform: &Platform, plan: &Plan) -> Plan {
     let mut rounded = plan.clone();
-    for angles in &mut rounded.angles {
-        *angles = round_angles(platform, *angles);
+    for (k, angles) in rounded.angles.iter_mut().enumerate() {
+        if !plan.is_held(k) {
+            *angles = round_angles(platform, *angles);
+        }
     }
     rounded
 }

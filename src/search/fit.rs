@@ -109,10 +109,11 @@ pub(super) fn brought_within<T>(
     let shorter = |plan: &Plan, share: f64| ready(plan.with_shorter_moves(test, share));
     let mut plan = plan.clone();
     while shorter(&plan, 1.0).is_none() {
+        let last = (0..plan.angles.len()).rev().find(|k| !plan.is_held(*k))?;
         if plan.angles.len() < 2 {
             return None;
         }
-        plan = plan.without(plan.angles.len() - 1);
+        plan = plan.without(last);
     }
     SHORTER_BY
         .into_iter()

@@ -10,16 +10,19 @@ use rayon::prelude::*;
 
 use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
+use super::given::{Freedom, Given};
 use super::pipeline::{best_candidate, finish};
 use super::problem::{FrontPoint, SearchOutcome, SearchProblem, Status};
 use super::progress::{Control, Phase};
 use super::rated::Candidate;
 use super::reason::Reason;
+use super::shortest::dwells_stay;
 use super::tumbling::tumble;
 use super::{conclude, nothing_to_find, refuse_unsupported, verdict, what_depends_on_the_schedule};
 use crate::analysis::Unobservable;
 use crate::error::{Error, Result};
 use crate::evaluate::Evaluator;
+use crate::motion::Timeline;
 use crate::schedule::Schedule;
 
 /// The shortest test of the front, as a share of the longest.
@@ -37,6 +40,11 @@ pub fn front(
     control: &Control,
 ) -> Result<SearchOutcome> {
     refuse_unsupported(evaluator, problem)?;
+    if let Some(from) = &problem.from
+        && from.freedom == Freedom::Order
+    {
+        return Err(dwells_stay("pareto"));
+    }
     let work = WorkDone::default();
     if let Some(mut known) = nothing_to_find(evaluator, problem, control, &work)? {
         known.front = feasible_points(evaluator, vec![known.schedule.clone()])?;
@@ -55,7 +63,17 @@ pub fn front(
     let mut candidates = sweep.forward()?;
     sweep.back(&mut candidates);
     sweep.repair(&mut candidates);
-    let schedules = sweep.schedules(&candidates)?;
+    let mut schedules = sweep.schedules(&candidates)?;
+    let given = Given::of(evaluator, problem)?;
+    if let (Some(given), Some(from)) = (&given, &problem.from)
+        && let Some(given) = given.to_beat()
+    {
+        // Among the others by its time: the front keeps it where no shorter test is as good.
+        let test = evaluator.test();
+        let taken_s = |s: &Schedule| Timeline::new(test, s).map_or(0.0, |t| t.total_time_s());
+        let at = schedules.partition_point(|s| taken_s(s) <= given.total_time_s);
+        schedules.insert(at, from.schedule.clone());
+    }
     control.report(Phase::Checking, 1, 1, None);
     let longest = schedules.last().ok_or_else(nothing_fits)?.clone();
     let mut outcome = conclude(evaluator, control, &work, longest)?;
@@ -82,6 +100,10 @@ pub fn front(
         // The reason of the verdict stands: nothing meets the minimum separability.
         None => outcome.status = Status::Infeasible,
     }
+    outcome.from = given.map(|given| Given {
+        is_the_result: (problem.from.as_ref()).is_some_and(|f| f.schedule == outcome.schedule),
+        ..given
+    });
     Ok(outcome)
 }
 

@@ -135,6 +135,7 @@ impl Ideas {
         batch.extend(take(&mut self.insertions, INSERTIONS));
         batch.extend(take(&mut self.ways, WAYS));
         batch.extend((0..KICKS).map(|kind| kick(context, plan, kind, random)));
+        batch.retain(|plan| context.problem.admits(plan));
         batch
     }
 }
@@ -174,7 +175,10 @@ fn kick(context: Context<'_>, plan: &Plan, kind: usize, random: &mut ChaCha8Rng)
         }
         _ => {
             let reach = if kind == 4 { 0.25 } else { 0.8 };
-            for angles in &mut kicked.angles {
+            for (k, angles) in kicked.angles.iter_mut().enumerate() {
+                if plan.is_held(k) {
+                    continue;
+                }
                 for (axis, angle) in angles.iter_mut().enumerate() {
                     let jittered = *angle + reach * random.random_range(-1.0..1.0);
                     *angle = match platform.gimbals().ranges[axis] {

@@ -149,8 +149,10 @@ impl IndexTable {
     fn snapped(&self, context: Context<'_>, plan: &Plan) -> Plan {
         let platform = context.evaluator.test().platform();
         let mut snapped = plan.clone();
-        for angles in &mut snapped.angles {
-            *angles = self.snap(platform, *angles);
+        for (k, angles) in snapped.angles.iter_mut().enumerate() {
+            if !plan.is_held(k) {
+                *angles = self.snap(platform, *angles);
+            }
         }
         snapped
     }
@@ -342,7 +344,7 @@ impl Workshop for OnTable {
         }
         let current = self.in_rounds(context, smoothing, Reach::All, current, |r| r);
         let current = drop_idle(context, smoothing, current);
-        super::finish::settle_times(context, &current.plan)
+        super::finish::settle_times(context, &current.plan, true)
     }
 
     fn admit(&self, context: Context<'_>, plan: Plan) -> Plan {
@@ -419,6 +421,9 @@ fn exchange_once(
             if context.must_stop() {
                 return current;
             }
+            if current.plan.is_held(k) {
+                continue;
+            }
             let places = table.places(test, &current.plan, k, reach);
             let best = estimates.best(k, places);
             let tried = best.into_iter().map(|place| {
@@ -465,7 +470,7 @@ fn rate_all(context: Context<'_>, plans: Vec<Plan>, smoothing: Smoothing) -> Vec
 /// tolerance by it.
 fn drop_idle(context: Context<'_>, smoothing: Smoothing, mut current: Refined) -> Refined {
     while current.plan.angles.len() > 1 && !context.must_stop() {
-        let positions = 0..current.plan.angles.len();
+        let positions = (0..current.plan.angles.len()).filter(|k| !current.plan.is_held(*k));
         let without = positions.map(|k| current.plan.without(k)).collect();
         let mut fewer = rate_all(context, without, smoothing);
         if !context.evaluator.model().is_white() {

@@ -52,10 +52,14 @@ pub(super) fn insertions(
     let mut rated: Vec<Refined> = gaps
         .promising(context, &base, &attitudes)
         .into_iter()
-        .take(4 * most)
-        .filter_map(|(gap, position)| {
+        .map(|(gap, position)| {
             let mut longer = base.clone();
             longer.insert(gap, position.to_array(), gaps.dwell_s);
+            longer
+        })
+        .filter(|longer| context.problem.admits(longer))
+        .take(4 * most)
+        .filter_map(|longer| {
             rate(
                 context,
                 &with_quickest_positions(context, longer),
@@ -73,6 +77,7 @@ fn without_least(context: Context<'_>, smoothing: Smoothing, plan: &Plan) -> Opt
         return None;
     }
     (0..plan.angles.len())
+        .filter(|k| !plan.is_held(*k))
         .filter_map(|k| rate(context, &plan.without(k), smoothing))
         .reduce(Refined::better)
         .map(|r| r.plan)

@@ -28,11 +28,26 @@ pub struct FinishedPlan {
     /// where none is.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes_rad: Vec<Option<[f64; 3]>>,
+    /// The positions of the scheme that the search began with which keep their angles; empty where
+    /// none does.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<Option<HeldPlace>>,
     /// The figure of merit, lower is better.
     pub merit: f64,
     /// Value of the criterion (°/h; max-ratio: 1), where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub criterion: Option<f64>,
+}
+
+/// A position of the scheme that a search began with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct HeldPlace {
+    /// Its number in the scheme, from 0.
+    pub index: usize,
+    /// Its angles (α, β, γ), degrees.
+    pub angles_deg: [f64; 3],
+    /// Whether it keeps its place too.
+    pub pinned: bool,
 }
 
 impl FinishedPlan {

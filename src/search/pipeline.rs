@@ -9,6 +9,7 @@ use super::context::{Context, WorkDone};
 use super::finish::FreeAngles;
 use super::improve::{WhichPlan, improve};
 use super::index_table::{IndexTable, OnTable, screen_on_table};
+use super::only;
 use super::plan::Plan;
 use super::progress::Phase;
 use super::propose;
@@ -30,6 +31,11 @@ const SCREENING_ITERATIONS: u64 = 90;
 /// The best candidate of the problem: from its own starts, and from `warm` plans of neighbouring
 /// problems, which are all worked out to the end.
 pub(crate) fn best_candidate(context: Context<'_>, warm: &[Plan]) -> Result<Candidate> {
+    if let Some(from) = &context.problem.from
+        && !from.freedom.positions()
+    {
+        return only::best_of_scheme(context, from).ok_or_else(no_schedule);
+    }
     let found = match IndexTable::new(context.evaluator.test().platform()) {
         Some(table) => best_in(context, &OnTable(table), warm),
         None => best_in(context, &FreeAngles, warm),
@@ -51,6 +57,9 @@ fn best_in(
         plan.clone()
             .fitted(context.evaluator.test(), context.problem.total_time_s)
     });
+    let given = (context.problem.from.as_ref())
+        .and_then(|from| from.start(context.evaluator.test(), context.problem.total_time_s));
+    let known = known.chain(given);
     let plans: Vec<Plan> = known.chain(finalists.into_iter().map(|r| r.plan)).collect();
     let smoothing = context.first_smoothing();
     let settle = |context: Context<'_>, _, plan: Plan| workshop.settle(context, &plan, smoothing);
@@ -125,6 +134,11 @@ fn in_parallel<T: Send, U: Shown + Memorable + Send>(
 
 /// Works `plan` out to the end; none when it comes to nothing.
 pub(super) fn finish(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
+    if let Some(from) = &context.problem.from
+        && !from.freedom.positions()
+    {
+        return only::best(context, from.freedom, plan);
+    }
     match IndexTable::new(context.evaluator.test().platform()) {
         Some(table) => finish_in(context, &OnTable(table), plan),
         None => finish_in(context, &FreeAngles, plan),

@@ -9,6 +9,17 @@ use crate::schedule::{Schedule, ScheduledPosition};
 /// Times that differ by this share of the total are equal but for rounding.
 pub(super) const TIME_SLACK: f64 = 1e-12;
 
+/// A position of the scheme that a search begins with ([`super::given`]), in a plan: it keeps its angles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pin {
+    /// Its number in the scheme, from 0.
+    pub(super) index: usize,
+    /// As the scheme has it.
+    pub(super) position: Position,
+    /// Whether the scheme pins it, so that it keeps its place too.
+    pub(super) pinned: bool,
+}
+
 /// Angles and dwells of a schedule under work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
@@ -19,6 +30,8 @@ pub struct Plan {
     /// About how the gimbals turn on the way to each position, rad: of the ways there are the
     /// nearest is taken. None: the short way.
     pub(super) ways: Vec<Option<[f64; 3]>>,
+    /// The positions that keep their angles.
+    pub(super) pins: Vec<Option<Pin>>,
 }
 
 impl Plan {
@@ -26,9 +39,20 @@ impl Plan {
     pub fn new(angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Self {
         Self {
             ways: vec![None; angles.len()],
+            pins: vec![None; angles.len()],
             angles,
             dwell_s,
         }
+    }
+
+    /// Whether position `k` keeps its angles, and may not be left out.
+    pub(super) fn is_held(&self, k: usize) -> bool {
+        self.pins.get(k).is_some_and(Option::is_some)
+    }
+
+    /// Whether some position keeps its angles.
+    pub(super) fn holds_any(&self) -> bool {
+        self.pins.iter().any(Option::is_some)
     }
 
     /// The positions as a schedule has them.
@@ -39,14 +63,19 @@ impl Plan {
     /// The same, beside each its angles taken apart.
     fn taken_apart(&self) -> impl ExactSizeIterator<Item = ([Degrees; 3], ScheduledPosition)> + '_ {
         let held = self.angles.iter().zip(&self.dwell_s).zip(&self.ways);
-        held.map(|((angles, &dwell_s), way)| {
-            let (position, exact) = Position::exact_of_array(*angles);
-            let entry = ScheduledPosition {
-                change_deg: way.map(in_deg),
-                ..ScheduledPosition::new(position, dwell_s)
-            };
-            (exact, entry)
-        })
+        held.zip(&self.pins)
+            .map(|(((angles, &dwell_s), way), pin)| {
+                let (position, exact) = match pin {
+                    Some(pin) => (pin.position, pin.position.exact()),
+                    None => Position::exact_of_array(*angles),
+                };
+                let entry = ScheduledPosition {
+                    change_deg: way.map(in_deg),
+                    pinned: pin.is_some_and(|pin| pin.pinned),
+                    ..ScheduledPosition::new(position, dwell_s)
+                };
+                (exact, entry)
+            })
     }
 
     /// The plan as a timeline of `test`.
@@ -61,7 +90,7 @@ impl Plan {
     ///
     /// As [`Schedule::new`].
     pub fn to_schedule(&self, test: &Test) -> Result<Schedule> {
-        Schedule::new(tidied(test, self.entries()))
+        Schedule::new(tidied(test, self.entries(), &|k| self.is_held(k)))
     }
 
     /// The same positions by ways that nothing is in, each the quickest after those before it; none
@@ -88,17 +117,29 @@ impl Plan {
     }
 
     /// The plan with every move from position to position shorter by `share` of it: all positions
-    /// closer to the place the plan begins at, and so within the ranges too.
+    /// closer to the place the plan begins at, and so within the ranges too. Where positions keep
+    /// their angles, the others come closer to the one of them before, or to the first.
     pub fn with_shorter_moves(&self, test: &Test, share: f64) -> Self {
         let mut angles = self.unwound(test);
         let Some(&first) = angles.first() else {
             return self.clone();
         };
-        let first = test.standing().map_or(first, Position::to_array);
-        for (angle, first) in angles.iter_mut().flat_map(|a| a.iter_mut().zip(first)) {
-            *angle -= share * (*angle - first);
+        let first_held = (0..angles.len()).find(|k| self.is_held(*k));
+        let mut anchor = match (test.standing(), first_held) {
+            (Some(standing), _) => standing.to_array(),
+            (None, Some(k)) => angles[k],
+            (None, None) => first,
+        };
+        for (k, angles) in angles.iter_mut().enumerate() {
+            if self.is_held(k) {
+                anchor = *angles;
+                continue;
+            }
+            for (angle, anchor) in angles.iter_mut().zip(anchor) {
+                *angle -= share * (*angle - anchor);
+            }
         }
-        Self::of_unwound(test, angles, self.dwell_s.clone())
+        Self::of_unwound(test, angles, self.dwell_s.clone()).holding(self.pins.clone())
     }
 
     /// Scales the dwells so that the plan takes `total_time_s`, none shorter than the platform's

@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::given::{Given, StartingScheme};
 use super::reason::Reason;
 use super::termination::RefinementCounters;
 use crate::analysis::Unobservable;
@@ -26,6 +27,8 @@ pub struct SearchProblem {
     /// Whether the platform may turn slowly while it measures: each position then is a measured
     /// continuous move.
     pub allow_tumbling: bool,
+    /// The scheme that it begins with, if there is one.
+    pub from: Option<StartingScheme>,
 }
 
 impl Default for SearchProblem {
@@ -37,6 +40,7 @@ impl Default for SearchProblem {
             seed: 1,
             position_tolerance: 2e-4,
             allow_tumbling: false,
+            from: None,
         }
     }
 }
@@ -118,6 +122,8 @@ pub struct SearchOutcome {
     /// In mode `pareto` the front of total time against criterion, shortest test first; its
     /// last point is the schedule above. Empty otherwise.
     pub front: Vec<FrontPoint>,
+    /// What came of the scheme that it began with.
+    pub from: Option<Given>,
     /// Work done.
     pub counters: Counters,
 }

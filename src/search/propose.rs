@@ -55,7 +55,13 @@ pub(super) fn starts_while(
     }
     // The standard schemes too, so that no recommendation is worse than they are.
     starts.extend(standard_starts(test, problem));
-    Ok(starts)
+    match &problem.from {
+        Some(from) if from.pinned().next().is_some() => Ok(starts
+            .iter()
+            .filter_map(|start| from.among(test, problem, start))
+            .collect()),
+        _ => Ok(starts),
+    }
 }
 
 /// The standard schemes that the platform can take in the time, within the most positions.

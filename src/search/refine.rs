@@ -64,9 +64,9 @@ fn refine_in(
     smoothing: Smoothing,
     iterations: u64,
 ) -> Option<Refined> {
-    let variables = variables.clone().around(plan);
+    let variables = &variables.of(plan);
     let start = variables.encode(plan);
-    let (merit, x) = minimise(context, &variables, start, smoothing, iterations)?;
+    let (merit, x) = minimise(context, variables, start, smoothing, iterations)?;
     let plan = variables.decode(&x)?;
     Some(Refined { plan, merit })
 }

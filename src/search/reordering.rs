@@ -14,7 +14,7 @@ use super::plan::Plan;
 use super::rated::{Refined, rate};
 use crate::attitude::Position;
 use crate::criterion::Smoothing;
-use crate::motion::quickest_positions;
+use crate::motion::quickest_positions_but;
 
 /// Longest segment that is displaced.
 const LONGEST_SEGMENT: usize = 3;
@@ -23,7 +23,7 @@ const MOST_CHANGES: usize = 2_000;
 
 /// A change of order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reordering {
+pub(super) enum Reordering {
     /// Positions `from..=to` the other way round (2-opt).
     Reverse { from: usize, to: usize },
     /// `length` positions from `from` on, put before what then is position `to` (or-opt).
@@ -32,6 +32,16 @@ enum Reordering {
         length: usize,
         to: usize,
     },
+}
+
+impl Reordering {
+    /// The plan with the change made.
+    pub(super) fn of(self, plan: &Plan) -> Plan {
+        match self {
+            Self::Reverse { from, to } => reversed(plan, from, to),
+            Self::Move { from, length, to } => moved(plan, from, length, to),
+        }
+    }
 }
 
 /// The plan with positions `from..=to` the other way round.
@@ -56,11 +66,13 @@ pub(super) fn with_quickest_positions(context: Context<'_>, mut plan: Plan) -> P
         .iter()
         .map(|a| Position::from_array(*a))
         .collect();
-    plan.set_positions(quickest_positions(context.evaluator.test(), &positions));
+    let test = context.evaluator.test();
+    let quickest = quickest_positions_but(test, &positions, &|k| plan.is_held(k));
+    plan.set_positions(quickest);
     plan
 }
 
-fn changes(count: usize) -> Vec<Reordering> {
+pub(super) fn changes(count: usize) -> Vec<Reordering> {
     let mut all = Vec::new();
     for from in 0..count {
         for to in from + 1..count {
@@ -96,11 +108,9 @@ pub(super) fn neighbours(
     let mut estimated: Vec<(f64, Plan)> = all
         .par_chunks(AT_ONCE)
         .flat_map_iter(|some| {
-            let changed = some.iter().map(|change| match *change {
-                Reordering::Reverse { from, to } => reversed(plan, from, to),
-                Reordering::Move { from, length, to } => moved(plan, from, length, to),
-            });
-            let quickest = changed.map(|changed| with_quickest_positions(context, changed));
+            let changed = some.iter().map(|change| change.of(plan));
+            let admitted = changed.filter(|plan| context.problem.admits(plan));
+            let quickest = admitted.map(|changed| with_quickest_positions(context, changed));
             estimated(context, smoothing, quickest)
         })
         .collect();
@@ -166,10 +176,7 @@ mod tests {
     fn every_change_is_another_order() {
         let plan = plan(7);
         for change in changes(7) {
-            let changed = match change {
-                Reordering::Reverse { from, to } => reversed(&plan, from, to),
-                Reordering::Move { from, length, to } => moved(&plan, from, length, to),
-            };
+            let changed = change.of(&plan);
             let mut sorted = order(&changed);
             assert_ne!(sorted, order(&plan));
             sorted.sort_unstable();

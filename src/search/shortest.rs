@@ -8,6 +8,7 @@
 
 use super::context::{Context, WorkDone};
 use super::fit::LeastTime;
+use super::given::{Freedom, hold_the_promise, is_sooner, specification_met};
 use super::pipeline::best_candidate;
 use super::plan::Plan;
 use super::problem::{SearchOutcome, SearchProblem, Status};
@@ -54,6 +55,11 @@ pub fn shortest(
                 .with_key("objective.spec_deg_per_h"),
         );
     };
+    if let Some(from) = &problem.from
+        && from.freedom == Freedom::Order
+    {
+        return Err(dwells_stay("time"));
+    }
     // Whatever the criterion of the study, what counts here is the specification.
     let objective = Objective {
         criterion: Criterion::MaxRatio {
@@ -79,9 +85,17 @@ pub fn shortest(
             work: &work,
         },
     };
+    let promised = |outcome| {
+        let better = |given: &_, found: &_| is_sooner(evaluator, given, found);
+        let mut outcome = hold_the_promise(evaluator, problem, control, &work, outcome, better)?;
+        if outcome.from.as_ref().is_some_and(|g| g.is_the_result) {
+            specification_met(&mut outcome);
+        }
+        Ok(outcome)
+    };
     let longest = root.point(problem.total_time_s, problem.starts, &[])?;
     if longest.criterion > 1.0 {
-        return root.infeasible(&longest);
+        return promised(root.infeasible(&longest)?);
     }
     let best = root.narrow(longest)?;
     let plan = root.trim(best.plan);
@@ -91,13 +105,16 @@ pub fn shortest(
         None => plan.to_schedule(evaluator.test())?,
     };
     let mut outcome = conclude(evaluator, control, &work, schedule)?;
-    if outcome.status == Status::Converged {
-        outcome.reason = Reason::SpecificationMet {
-            total_time_s: outcome.evaluation.total_time_s,
-            largest_ratio: outcome.evaluation.score.criterion,
-        };
-    }
-    Ok(outcome)
+    specification_met(&mut outcome);
+    promised(outcome)
+}
+
+/// Modes in which tests get shorter need free dwells.
+pub(super) fn dwells_stay(mode: &str) -> Error {
+    Error::input("where dwells stay as they are, there is one time only")
+        .with_key("objective.mode")
+        .with_value(format!("\"{mode}\""))
+        .with_allowed("\"accuracy\" with the order alone free, or free dwells too")
 }
 
 struct RootSearch<'a> {

@@ -61,8 +61,8 @@ pub(super) fn share_of_a_thread(count: usize) -> usize {
 /// A plan on its way.
 struct Active<'a> {
     index: usize,
-    search: Lbfgs,
     variables: Variables<'a>,
+    search: Lbfgs,
 }
 
 impl Active<'_> {
@@ -97,7 +97,7 @@ pub(super) fn refine_side_by_side(
         while active.len() < SIDE_BY_SIDE
             && let Some((index, plan)) = waiting.pop_front()
         {
-            let variables = free.clone().around(&plan);
+            let variables = free.of(&plan);
             active.push(Active {
                 index,
                 search: Lbfgs::new(variables.encode(&plan), iterations),

@@ -87,7 +87,7 @@ impl TurningPlan {
                 positions.extend_from_slice(pair);
             }
         }
-        Schedule::new(tidied(test, positions.into_iter())).ok()
+        Schedule::new(tidied(test, positions.into_iter(), &|_| false)).ok()
     }
 }
 

@@ -7,7 +7,7 @@
 //! not wrapped ([`Plan::unwound`]): the way is the difference of two of them. What no gradient
 //! sees, the other way round, is tried for the moves near a half turn ([`Plan::other_ways`]).
 
-use super::plan::Plan;
+use super::plan::{Pin, Plan};
 use super::ways::{straight_ways, ways_count};
 use crate::attitude::{Degrees, NanoDegrees, Position};
 use crate::motion::{Test, way};
@@ -57,15 +57,23 @@ impl Plan {
     pub(super) fn of_unwound(test: &Test, angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Self {
         let ways = straight_ways(test, &angles);
         Self {
+            pins: vec![None; angles.len()],
             angles,
             dwell_s,
             ways,
         }
     }
 
+    /// The same with positions that keep their angles.
+    pub(super) fn holding(mut self, pins: Vec<Option<Pin>>) -> Self {
+        self.pins = pins;
+        self
+    }
+
     /// Puts another position in the place of position `k`, reached and left by the short way.
     pub(super) fn replace(&mut self, k: usize, angles: [f64; 3]) {
         self.angles[k] = angles;
+        self.pins[k] = None;
         self.forget_way(k);
         self.forget_way(k + 1);
     }
@@ -75,6 +83,7 @@ impl Plan {
         self.angles.insert(k, angles);
         self.dwell_s.insert(k, dwell_s);
         self.ways.insert(k, None);
+        self.pins.insert(k, None);
         self.forget_way(k + 1);
     }
 
@@ -83,6 +92,7 @@ impl Plan {
         self.angles.remove(k);
         self.dwell_s.remove(k);
         self.ways.remove(k);
+        self.pins.remove(k);
         self.forget_way(k);
     }
 
@@ -90,6 +100,7 @@ impl Plan {
     pub(super) fn reverse(&mut self, from: usize, to: usize) {
         self.angles[from..=to].reverse();
         self.dwell_s[from..=to].reverse();
+        self.pins[from..=to].reverse();
         self.ways[from + 1..=to].reverse();
         for way in self.ways[from + 1..=to].iter_mut().flatten() {
             *way = way.map(|change| -change);
@@ -102,12 +113,14 @@ impl Plan {
     pub(super) fn displace(&mut self, from: usize, length: usize, to: usize) {
         let angles: Vec<_> = self.angles.drain(from..from + length).collect();
         let dwells: Vec<_> = self.dwell_s.drain(from..from + length).collect();
+        let pins: Vec<_> = self.pins.drain(from..from + length).collect();
         let mut ways: Vec<_> = self.ways.drain(from..from + length).collect();
         ways[0] = None;
         self.forget_way(from);
         self.forget_way(to);
         self.angles.splice(to..to, angles);
         self.dwell_s.splice(to..to, dwells);
+        self.pins.splice(to..to, pins);
         self.ways.splice(to..to, ways);
     }
 

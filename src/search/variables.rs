@@ -9,7 +9,7 @@
 
 use std::f64::consts::TAU;
 
-use super::plan::Plan;
+use super::plan::{Pin, Plan};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::motion::{Test, Timeline};
@@ -79,6 +79,9 @@ pub struct Variables<'a> {
     total_time_s: f64,
     /// Dwells that stay as they are; none: dwells vary too.
     fixed_dwell_s: Option<Vec<f64>>,
+    /// Positions that keep their angles, and those with the turns that the ways give them; empty
+    /// where none does.
+    held: Vec<Option<(Pin, [f64; 3])>>,
 }
 
 /// Free variables per position.
@@ -93,30 +96,50 @@ impl<'a> Variables<'a> {
             rooms: Vec::new(),
             total_time_s,
             fixed_dwell_s: None,
+            held: Vec::new(),
         }
     }
 
-    /// The same for plans like `plan`: where something stands in the gimbals' way each position
-    /// keeps to the side of it that it is on, so that no step of an optimiser leads into it. Moves
-    /// are not held by that; a point at which one is stopped has no timeline.
-    pub fn around(mut self, plan: &Plan) -> Self {
+    /// The same for `plan`. Its positions that keep their angles stay where they are; and where something
+    /// stands in the gimbals' way each position keeps to the side of it that it is on, so that no step of
+    /// an optimiser leads into it. Moves are not held by that; a point at which one is stopped has no
+    /// timeline.
+    pub(super) fn of(&self, plan: &Plan) -> Self {
+        let mut variables = self.clone();
         let platform = self.test.platform();
-        self.rooms = match platform.obstacles().stop_moves() {
-            false => Vec::new(),
-            true => {
-                let unwound = plan.unwound(self.test);
-                unwound
-                    .iter()
-                    .map(|angles| room(platform, *angles))
-                    .collect()
-            }
-        };
-        self
+        let stopped = platform.obstacles().stop_moves();
+        if !plan.holds_any() && !stopped {
+            return variables;
+        }
+        let unwound = plan.unwound(self.test);
+        if stopped {
+            let rooms = unwound.iter().map(|angles| room(platform, *angles));
+            variables.rooms = rooms.collect();
+        }
+        if plan.holds_any() {
+            let held = plan.pins.iter().zip(unwound);
+            variables.held = held.map(|(pin, at)| Some(((*pin)?, at))).collect();
+        }
+        variables
     }
 
     /// How the angles of position `k` follow from their variables.
     fn maps_of(&self, k: usize) -> &[AngleMap; 3] {
         self.rooms.get(k).unwrap_or(&self.maps)
+    }
+
+    /// The plan of angles that are not wrapped.
+    fn plan(&self, mut angles: Vec<[f64; 3]>, dwell_s: Vec<f64>) -> Plan {
+        if self.held.is_empty() {
+            return Plan::of_unwound(self.test, angles, dwell_s);
+        }
+        for (angles, held) in angles.iter_mut().zip(&self.held) {
+            if let Some((_, at)) = held {
+                *angles = *at;
+            }
+        }
+        let pins = self.held.iter().map(|held| Some((*held)?.0)).collect();
+        Plan::of_unwound(self.test, angles, dwell_s).holding(pins)
     }
 
     /// Only the angles vary; for platforms whose moves take no time of their own.
@@ -164,13 +187,13 @@ impl<'a> Variables<'a> {
             })
             .collect();
         if let Some(dwell_s) = &self.fixed_dwell_s {
-            let plan = Plan::of_unwound(self.test, angles, dwell_s.clone());
+            let plan = self.plan(angles, dwell_s.clone());
             let timeline = plan.timeline(self.test);
             let is_clear = timeline.is_clear(self.test.platform());
             return is_clear.then_some((plan, timeline));
         }
         let count = angles.len();
-        let mut plan = Plan::of_unwound(self.test, angles, vec![0.0; count]);
+        let mut plan = self.plan(angles, vec![0.0; count]);
         let min_dwell_s = self.test.platform().shortest_dwell_s();
         let timeline = plan.timeline(self.test);
         if !timeline.is_clear(self.test.platform()) {
@@ -226,8 +249,12 @@ impl Coordinates for Variables<'_> {
         };
         let mut gradient = Vec::with_capacity(x.len());
         for (k, c) in x.chunks_exact(PER_POSITION).enumerate() {
+            let stays = self.held.get(k).is_some_and(Option::is_some);
             for i in 0..3 {
-                gradient.push(angles[held.start + k][i] * self.maps_of(k)[i].slope(c[i]));
+                gradient.push(match stays {
+                    true => 0.0,
+                    false => angles[held.start + k][i] * self.maps_of(k)[i].slope(c[i]),
+                });
             }
             let dwell = legs[held.start + k].dwell_s;
             gradient.push(spare * shares[k] * (dwell - mean_dwell));

@@ -44,18 +44,20 @@ pub(super) fn in_deg(way: [f64; 3]) -> [f64; 3] {
 }
 
 /// The same test as a person would write it: unlimited axes in (−180°, 180°], and the way only
-/// where it counts and is not the one taken anyway.
+/// where it counts and is not the one taken anyway. Positions that are `held` keep the angles they are
+/// written with.
 pub(super) fn tidied(
     test: &Test,
     positions: impl Iterator<Item = ScheduledPosition>,
+    held: &dyn Fn(usize) -> bool,
 ) -> Vec<ScheduledPosition> {
     let platform = test.platform();
     let ranges = platform.gimbals().ranges;
     let any_way = !ways_count(platform);
     let mut from = test.standing();
-    let tidied = positions.map(|mut p| {
+    let tidied = positions.enumerate().map(|(k, mut p)| {
         let exact = p.position.exact();
-        let [alpha, beta, gamma] = std::array::from_fn(|axis| {
+        let wrapped: [f64; 3] = std::array::from_fn(|axis| {
             let (given, wrapped) = (p.position.degrees()[axis], exact[axis].wrapped().deg());
             // On an index table whose step does not divide a turn the same direction may be a setting
             // one turn further on only.
@@ -65,7 +67,9 @@ pub(super) fn tidied(
                 false => given,
             }
         });
-        p.position = Position::from_deg(alpha, beta, gamma);
+        if !held(k) {
+            p.position = Position::from_deg(wrapped[0], wrapped[1], wrapped[2]);
+        }
         p.change_deg = from.replace(p.position).and_then(|from| {
             let taken = way(platform, from, p.position, p.change_deg);
             let usual = way(platform, from, p.position, None);

@@ -64,7 +64,7 @@ pub struct ComparisonOptions {
     /// Whether schedules of one's own are scaled to the study's total time; standard schemes always
     /// are.
     pub scale: bool,
-    /// Whether standard schemes are tried in their best order too.
+    /// Whether schedules are tried in their best order too; dwells go with their positions.
     pub best_order: bool,
     /// Most steps that the search through all orders of one scheme may take.
     pub order_steps: u64,

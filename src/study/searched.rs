@@ -7,11 +7,11 @@ use crate::baseline::baselines;
 use crate::certificate::Certifier;
 use crate::config::Mode;
 use crate::error::Result;
-use crate::results::{CertificateRecord, ResultDocument};
+use crate::results::{CertificateRecord, FromRecord, ResultDocument};
 use crate::schedule::Schedule;
 use crate::search::front::front;
 use crate::search::shortest::shortest;
-use crate::search::{Control, SearchOutcome, Status, search};
+use crate::search::{Control, SearchOutcome, SearchProblem, Status, search};
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,7 +121,10 @@ impl Study {
     }
 
     fn outcome(&self, control: &Control) -> Result<SearchOutcome> {
-        let problem = self.checked.search_problem();
+        let problem = SearchProblem {
+            from: self.from.clone(),
+            ..self.checked.search_problem()
+        };
         let evaluator = &self.evaluator;
         match self.config().objective.mode {
             Mode::Accuracy => search(evaluator, &problem, control),
@@ -155,6 +158,8 @@ impl Study {
             Some(began.elapsed().as_secs_f64()),
             &self.inputs(),
         );
+        let from = self.from.as_ref();
+        document.from = from.and_then(|from| FromRecord::new(from, objective.mode, outcome));
         document.evaluation.limits = self.limits(&outcome.schedule);
         let certifier = Certifier::new(self.checked.test().platform());
         let certificate = CertificateRecord::new(

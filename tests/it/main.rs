@@ -30,6 +30,7 @@ mod near_aligned;
 mod observability;
 mod obstacles;
 mod odd_platforms;
+mod own_scheme;
 mod physics;
 mod precision;
 mod reconstruction;

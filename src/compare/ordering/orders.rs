@@ -22,6 +22,8 @@ pub(super) struct Orders<'a> {
     /// Whether every order takes the triples that are quickest in it, not those of the positions.
     pub quickest: bool,
     pub total_time_s: f64,
+    /// In what proportion the positions are held, dwells going with them; none: equally long.
+    pub proportions: Option<Vec<f64>>,
 }
 
 /// An order with its merit, the score; lower is better.
@@ -61,7 +63,13 @@ impl Orders<'_> {
             return None;
         }
         let budget_s = self.total_time_s - moving.overhead_s();
-        let dwell_s = vec![budget_s / order.len() as f64; order.len()];
+        let dwell_s = match &self.proportions {
+            None => vec![budget_s / order.len() as f64; order.len()],
+            Some(all) => {
+                let sum: f64 = all.iter().sum();
+                order.iter().map(|&k| budget_s * all[k] / sum).collect()
+            }
+        };
         let dwell_s = whole_periods(
             test.platform().period_s(),
             self.fewest_periods(),

@@ -8,6 +8,8 @@ use askama::Template;
 pub(super) struct Page {
     /// What it is about: headline and title of the window.
     pub title: String,
+    /// Whose test it is.
+    pub test: Option<String>,
     pub tool_version: &'static str,
     pub sections: Vec<Section>,
 }

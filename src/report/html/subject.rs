@@ -7,7 +7,7 @@ use crate::drift::{COEFFICIENTS, CoefficientMatrix};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
-use crate::results::{AnalysisDocument, EvaluationDocument, Inputs};
+use crate::results::{AnalysisDocument, DoneRecord, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 use crate::schedule::file::ScheduleDocument;
 
@@ -30,8 +30,12 @@ impl Subject {
         schedule: &ScheduleDocument,
         config: &StudyConfig,
         defaulted: &[String],
+        done: Option<&DoneRecord>,
     ) -> Result<Self> {
-        let study = config.check()?;
+        let mut study = config.check()?;
+        if let Some(done) = done {
+            study = study.interrupted_after(Schedule::try_from(&done.schedule)?)?;
+        }
         let schedule = Schedule::try_from(schedule)?;
         let evaluator = study.evaluator();
         let timeline = Timeline::new(study.test(), &schedule)?;
@@ -39,6 +43,7 @@ impl Subject {
         let inputs = Inputs {
             config: config.clone(),
             defaulted: defaulted.to_vec(),
+            done: done.cloned(),
         };
         let document =
             EvaluationDocument::new(&evaluation, &schedule, evaluator.objective(), &inputs);
@@ -51,7 +56,10 @@ impl Subject {
             &inputs,
         );
         let step_deg = CommandTable::DEFAULT_STEP_DEG;
-        let commands = CommandTable::new(study.test().platform(), &timeline, step_deg)?;
+        let mut commands = CommandTable::new(study.test().platform(), &timeline, step_deg)?;
+        if let Some(done) = done {
+            commands = commands.since(done.total_time_s);
+        }
         Ok(Self {
             study,
             evaluator,

@@ -63,10 +63,12 @@ pub(super) fn positions(subject: &Subject) -> HtmlTable {
     let times = subject.leg_times_s();
     let frame_hold =
         subject.study.test().platform().motion().repositioning == Repositioning::FrameHold;
+    let has_start = subject.study.test().platform().motion().start.is_some();
     let rows = subject.timeline.legs().iter().enumerate().map(|(i, leg)| {
         let name = match i {
             _ if held.contains(&i) => (i - held.start + 1).to_string(),
-            _ if i < held.start => "start".to_owned(),
+            0 if has_start => "start".to_owned(),
+            _ if i < held.start => "done".to_owned(),
             _ => "return".to_owned(),
         };
         let [alpha, beta, gamma] = leg.position.to_deg().map(|deg| format!("{:.3}", deg + 0.0));
@@ -319,7 +321,9 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Html
         ratio: Some(1.0),
         criterion: d.score.criterion,
         criterion_ratio: Some(1.0),
+        best_order: None,
     };
+    let with_orders = baselines.iter().any(|b| b.best_order.is_some());
     let rows = std::iter::once(&this).chain(baselines).map(|b| {
         let mut row = vec![
             b.name.clone(),
@@ -330,12 +334,19 @@ pub(super) fn baselines(subject: &Subject, baselines: &[BaselineRecord]) -> Html
         if with_criterion {
             row.extend([number(b.criterion), ratio(b.criterion_ratio)]);
         }
+        if with_orders {
+            let best = b.best_order.as_ref();
+            row.push(best.map_or_else(|| NONE.to_owned(), |best| ratio(best.criterion_ratio)));
+        }
         row
     });
     let criterion = format!("criterion {}", d.score.criterion_name);
     let mut columns = vec!["scheme", "positions", "RMS σ, °/h", "ratio"];
     if with_criterion {
         columns.extend([criterion.as_str(), "its ratio"]);
+    }
+    if with_orders {
+        columns.push("ratio in best order");
     }
     HtmlTable::new(
         "Standard schemes in the same time",

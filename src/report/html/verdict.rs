@@ -50,9 +50,9 @@ pub(super) fn accuracy_words(subject: &Subject, on_specification: OnSpecificatio
 pub(super) fn gain(baselines: &[BaselineRecord]) -> Option<String> {
     let best = baselines
         .iter()
-        .min_by(|a, b| a.criterion.total_cmp(&b.criterion))?;
-    let compared = words::compared(best.criterion_ratio);
-    let name = &best.name;
+        .min_by(|a, b| a.yardstick().total_cmp(&b.yardstick()))?;
+    let compared = words::compared(best.yardstick_ratio());
+    let name = words::in_order(best);
     Some(format!(
         "In the same time {compared} the best standard scheme, {name}."
     ))

@@ -1,6 +1,6 @@
 //! What the columns of a table are called: our names, and what people write instead.
 
-use super::COLUMNS;
+use super::{COLUMNS, SINGLE_COLUMNS};
 use crate::units::RAD_PER_DEG;
 
 /// What a heading stands for.
@@ -24,6 +24,7 @@ enum Word {
     Dwell,
     Move,
     Measured,
+    Pinned,
     /// Of an angle, in degrees.
     AngleUnit(f64),
     /// Of a time, in seconds.
@@ -41,6 +42,7 @@ fn word(text: &str) -> Option<Word> {
         "dwell" => Word::Dwell,
         "move" | "slew" => Word::Move,
         "measured" => Word::Measured,
+        "pinned" => Word::Pinned,
         "deg" | "degree" | "degrees" => Word::AngleUnit(1.0),
         "rad" | "radian" | "radians" => Word::AngleUnit(1.0 / RAD_PER_DEG),
         "arcmin" => Word::AngleUnit(1.0 / 60.0),
@@ -80,12 +82,20 @@ pub(super) fn column_of(heading: &str) -> Column {
     let (units, what): (Vec<Word>, Vec<Word>) = meant.into_iter().partition(of_unit);
     let (index, is_angle) = match what[..] {
         [Word::Angle(axis)] => (axis, true),
-        [Word::Angle(axis), Word::Change] | [Word::Change, Word::Angle(axis)] => (6 + axis, true),
+        [Word::Angle(axis), Word::Change] | [Word::Change, Word::Angle(axis)] => {
+            (SINGLE_COLUMNS + axis, true)
+        }
         [Word::Dwell] => (3, false),
         [Word::Move] => (4, false),
         [Word::Move, Word::Measured] if units.is_empty() => {
             return Column::Known {
                 index: 5,
+                factor: 1.0,
+            };
+        }
+        [Word::Pinned] if units.is_empty() => {
+            return Column::Known {
+                index: 6,
                 factor: 1.0,
             };
         }
@@ -127,6 +137,7 @@ mod tests {
             ("DWELL_H", "dwell_s", 3600.0),
             ("slew duration, s", "move_s", 1.0),
             ("Move measured", "move_measured", 1.0),
+            ("Pinned", "pinned", 1.0),
             ("beta_change_deg", "beta_change_deg", 1.0),
         ] {
             let index = COLUMNS.iter().position(|c| *c == name).unwrap();
@@ -160,6 +171,7 @@ mod tests {
             "alpha of the day",
             "deg",
             "move alpha deg",
+            "pinned s",
             "alpha deg rad",
         ] {
             assert!(

@@ -55,6 +55,7 @@ fn position(document: &str, index: usize, item: &RawValue) -> Result<PositionRec
         dwell_s: record.required_number("dwell_s")?,
         move_s: record.number("move_s")?,
         move_measured: record.boolean("move_measured")?,
+        pinned: record.boolean("pinned")?.unwrap_or(false),
         change_deg: record.numbers(CHANGE_KEY)?,
         notes: record.notes()?,
     })
@@ -419,6 +420,18 @@ mod tests {
                 "true or false",
             ),
             (
+                "\"dwell_s\": 1, \"pinned\": 1",
+                "pinned",
+                Some("1"),
+                "true or false",
+            ),
+            (
+                "\"dwell_s\": 1, \"pinned\": true, \"pinned\": true",
+                "pinned",
+                None,
+                "given twice",
+            ),
+            (
                 "\"dwell_s\": 1, \"change_deg\": [1, 2]",
                 "change_deg",
                 Some("[1, 2]"),
@@ -490,7 +503,7 @@ mod tests {
     fn null_and_left_out_mean_the_same_for_what_is_optional() {
         let rest = "\"alpha_deg\": 0, \"beta_deg\": 0, \"gamma_deg\": 0, \"dwell_s\": 1";
         let nulls = parse(&with_position(&format!(
-            "{rest}, \"move_s\": null, \"move_measured\": null, \"change_deg\": null"
+            "{rest}, \"move_s\": null, \"move_measured\": null, \"pinned\": null, \"change_deg\": null"
         )));
         assert_eq!(nulls.unwrap(), parse(&with_position(rest)).unwrap());
     }

@@ -103,7 +103,8 @@ impl Header {
             header.add(i, &name.text)?;
         }
         header.check_complete(row)?;
-        let columns = || 0..COLUMNS.len();
+        // Marks are no numbers, whatever they look like.
+        let columns = || (0..COLUMNS.len()).filter(|c| ![5, 6].contains(c));
         let rows = table.rows.iter();
         let numbers = rows.flat_map(|row| columns().filter_map(|c| header.cell(row, c)));
         header.decimals = Decimals::of(table, numbers);
@@ -225,7 +226,15 @@ impl Header {
                     Some(value.map_err(|e| failed(index, row, 5, e))?)
                 }
             },
-            change_deg: match [optional(6)?, optional(7)?, optional(8)?] {
+            pinned: match self.cell(row, 6) {
+                None => false,
+                Some(cell) => mark(&cell.text).map_err(|e| failed(index, row, 6, e))?,
+            },
+            change_deg: match [
+                optional(SINGLE_COLUMNS)?,
+                optional(SINGLE_COLUMNS + 1)?,
+                optional(SINGLE_COLUMNS + 2)?,
+            ] {
                 [Some(alpha), Some(beta), Some(gamma)] => Some([alpha, beta, gamma]),
                 [None, None, None] => None,
                 some => {
@@ -254,6 +263,17 @@ fn truth_value(cell: &str) -> Result<bool> {
         _ => Err(Error::input("not a truth value")
             .with_value(text::shown(cell))
             .with_allowed("true or false, or empty: as the platform has it")),
+    }
+}
+
+/// What people put into a cell to mark a row; worksheets hold 1.0 for 1.
+fn mark(cell: &str) -> Result<bool> {
+    match cell.to_ascii_lowercase().as_str() {
+        "true" | "yes" | "1" | "1.0" | "x" => Ok(true),
+        "false" | "no" | "0" | "0.0" => Ok(false),
+        _ => Err(Error::input("not a mark")
+            .with_value(text::shown(cell))
+            .with_allowed("true, yes, 1 or x; false, no, 0 or empty")),
     }
 }
 
@@ -319,6 +339,28 @@ mod tests {
     }
 
     #[test]
+    fn positions_are_pinned_as_people_mark_rows() {
+        let marks = ["true", "TRUE", "yes", "1", "x", "X", "1.0"];
+        let none = ["false", "No", "0", "", "0.0"];
+        let rows: String = marks
+            .iter()
+            .chain(&none)
+            .map(|mark| format!("0,0,0,{mark},1\n"))
+            .collect();
+        let text = format!("alpha_deg,beta_deg,gamma_deg,Pinned,dwell_s\n{rows}");
+        let schedule = parse(&text).unwrap();
+        let pinned = schedule.positions().iter().map(|p| p.pinned);
+        let expected = (0..marks.len() + none.len()).map(|k| k < marks.len());
+        assert!(pinned.eq(expected));
+        for again in [
+            super::super::from_csv(&schedule.to_csv()),
+            super::super::from_json(&schedule.to_json()),
+        ] {
+            assert_eq!(again.unwrap(), schedule);
+        }
+    }
+
+    #[test]
     fn other_units_are_turned_into_ours() {
         let text = "alpha [rad];beta_arcmin;gamma_deg;dwell [min];move_h\n0,5;90;3;10;0,5\n";
         let schedule = parse(text).unwrap();
@@ -372,19 +414,26 @@ mod tests {
                 "true or false",
             ),
             (
-                "0,0,0,1,,,1,2",
+                "0,0,0,1,,,maybe",
+                "pinned",
+                Some("maybe"),
+                "true, yes, 1 or x",
+            ),
+            ("0,0,0,1,,,2", "pinned", Some("2"), "no, 0 or empty"),
+            (
+                "0,0,0,1,,,,1,2",
                 "gamma_change_deg",
                 None,
                 "all three left empty",
             ),
             (
-                "0,0,0,1,,,1,far,2",
+                "0,0,0,1,,,,1,far,2",
                 "beta_change_deg",
                 Some("far"),
                 "a number",
             ),
             (
-                "0,0,0,1,,,1,inf,2",
+                "0,0,0,1,,,,1,inf,2",
                 "change_deg",
                 Some("1,inf,2"),
                 "-36000 to 36000",
@@ -398,7 +447,7 @@ mod tests {
             ("0;0,0,0,1", "alpha_deg", Some("0;0"), "decimal points"),
         ] {
             let text = format!(
-                "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured,\
+                "alpha_deg,beta_deg,gamma_deg,dwell_s,move_s,move_measured,pinned,\
                  alpha_change_deg,beta_change_deg,gamma_change_deg\n\
                  0,0,0,1\n\n# next\n{row}\n"
             );
