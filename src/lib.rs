@@ -77,6 +77,7 @@ mod report;
 mod results;
 mod schedule;
 mod search;
+mod sheet;
 mod simulate;
 mod study;
 mod suspicion;
@@ -96,8 +97,10 @@ pub use error::{Error, Result};
 pub use schedule::standard::StandardScheme;
 pub use schedule::{Schedule, ScheduledPosition};
 pub use search::{Control, Journal, Phase, Progress, Status};
+pub use sheet::{Approach, OperatorSheet, SheetRow, Stop};
 pub use simulate::{FilterModel, SimulationOptions, ToldNoise, TruthModel, TruthNoise};
 pub use study::{
-    AnalysisResult, BoundResult, ComparisonOptions, ComparisonResult, Contender, EvaluationResult,
-    SearchResult, SimulationRequest, SimulationResult, Study,
+    AnalysisResult, Batch, BatchControl, BatchPlatform, BatchResult, BoundResult,
+    ComparisonOptions, ComparisonResult, Contender, EvaluationResult, SearchResult,
+    SimulationRequest, SimulationResult, Study,
 };

@@ -5,13 +5,14 @@ use crate::drift::DriftCoefficient;
 use crate::model::Colour;
 use crate::platform::Platform;
 use crate::results::{
-    CertificateRecord, ComparedWith, EvaluationDocument, ParameterRecord, ResultDocument,
-    RoleRecord, ScoreRecord, SimulatedParameter, SimulationDocument,
+    BatchDocument, BatchRecord, BatchStatus, CertificateRecord, ComparedWith, EvaluationDocument,
+    ParameterRecord, ResultDocument, RoleRecord, ScoreRecord, SimulatedParameter,
+    SimulationDocument,
 };
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
-use crate::wording::{listed, number, seconds, separability};
+use crate::wording::{decimals, listed, number, seconds, separability};
 
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
@@ -19,6 +20,58 @@ pub fn preface(document: &ResultDocument) -> Vec<String> {
     words.extend(unobservable(document));
     words.extend(known_before(&document.evaluation));
     words
+}
+
+/// How a batch went, in a sentence.
+pub fn batch(document: &BatchDocument) -> String {
+    let all = &document.platforms;
+    let count = |is: &dyn Fn(&BatchRecord) -> bool| all.iter().filter(|p| is(p)).count();
+    let plural = |n: usize| if n == 1 { "platform" } else { "platforms" };
+    let mut parts = vec![format!("{} {}", all.len(), plural(all.len()))];
+    let sorts: [(&str, usize); 5] = [
+        (
+            "with the schedule asked for",
+            count(&|p| p.status != BatchStatus::Interrupted && p.acceptable == Some(true)),
+        ),
+        (
+            "without an acceptable one",
+            count(&|p| p.status != BatchStatus::Interrupted && p.acceptable == Some(false)),
+        ),
+        ("failed", count(&|p| p.status == BatchStatus::Failed)),
+        (
+            "interrupted",
+            count(&|p| p.status == BatchStatus::Interrupted),
+        ),
+        (
+            "not started",
+            count(&|p| p.status == BatchStatus::NotStarted),
+        ),
+    ];
+    let sorts = sorts.into_iter().filter(|(_, n)| *n > 0);
+    parts.extend(sorts.map(|(what, n)| format!("{n} {what}")));
+    let rest = parts.split_off(1);
+    match rest.is_empty() {
+        true => format!("{}.", parts[0]),
+        false => format!("{}: {}.", parts[0], rest.join(", ")),
+    }
+}
+
+/// Whether a specification is met, in a word.
+pub const fn met(met: Option<bool>) -> &'static str {
+    match met {
+        Some(true) => "met",
+        Some(false) => "missed",
+        None => "none given",
+    }
+}
+
+/// How far the gimbals go from where they start, whole turns counted.
+pub fn winding(winding_deg: [f64; 3]) -> String {
+    let [alpha, beta, gamma] = winding_deg.map(|deg| decimals(deg, 3));
+    format!(
+        "Farthest from the start, whole turns counted: alpha {alpha} deg, beta {beta} deg, gamma \
+         {gamma} deg."
+    )
 }
 
 /// That the criterion is 0 whatever the schedule; none where it is not.
