@@ -12,7 +12,7 @@ use crate::motion::{Leg, Test, Timeline};
 use crate::platform::{Platform, Repositioning};
 use crate::results::TOOL_VERSION;
 use crate::units::{Angle, round_deg};
-use crate::wording::{decimals, h_mm_ss, listed};
+use crate::wording::{decimals, h_mm_ss};
 
 /// Which stop of a test a row of the sheet is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -88,7 +88,7 @@ impl SheetRow {
                 words.push("The stand starts from here.".to_owned());
             }
             None => words.push("The test begins here.".to_owned()),
-            Some(approach) => words.extend(approach.words(self.stop)),
+            Some(approach) => words.push(approach.words(self.stop)),
         }
         let dwell_s = self.ends_s - self.dwell_starts_s;
         if self.passes {
@@ -96,41 +96,37 @@ impl SheetRow {
         } else if let Stop::Position(_) = self.stop
             && dwell_s > 0.0
         {
-            words.push(format!("Measure for {}.", h_mm_ss(dwell_s)));
+            words.push(format!("Measure {}.", h_mm_ss(dwell_s)));
         }
         words.join(" ")
     }
 }
 
 impl Approach {
-    fn words(&self, stop: Stop) -> Vec<String> {
+    fn words(&self, stop: Stop) -> String {
         let turns: Vec<String> = ["alpha", "beta", "gamma"]
             .into_iter()
             .zip(self.turn_deg)
             .filter(|(_, deg)| *deg != 0.0)
-            .map(|(name, deg)| format!("{name} by {}{} deg", sign(deg), decimals(deg.abs(), 4)))
+            .map(|(name, deg)| format!("{name} {}{} deg", sign(deg), decimals(deg.abs(), 4)))
             .collect();
         let turns = match turns.is_empty() {
             true => "stay".to_owned(),
-            false => format!("turn {}", listed(&turns)),
+            false => format!("turn {}", turns.join(", ")),
         };
         let time = match self.move_s > 0.0 {
             true => format!(" in {}", h_mm_ss(self.move_s)),
             false => String::new(),
         };
-        let mut words = vec![match (stop, self.measured) {
-            (Stop::Return, _) => {
-                format!(
-                    "Back to where the test began: {turns}{time}. Nothing is measured any more."
-                )
-            }
-            (_, true) => format!("MEASURED MOVE, keep recording: {turns}, all evenly{time}."),
-            (_, false) => format!("Not measured: {turns}{time}."),
-        }];
-        if self.settle_s > 0.0 {
-            words.push(format!("Let it settle for {}.", h_mm_ss(self.settle_s)));
+        let settle = match self.settle_s > 0.0 {
+            true => format!("; settle {}", h_mm_ss(self.settle_s)),
+            false => String::new(),
+        };
+        match (stop, self.measured) {
+            (Stop::Return, _) => format!("Back to where the test began: {turns}{time}."),
+            (_, true) => format!("MEASURED MOVE, keep recording: {turns}, evenly{time}."),
+            (_, false) => format!("Move: {turns}{time}{settle}."),
         }
-        words
     }
 }
 

@@ -156,14 +156,14 @@ fn shown(document: &BatchDocument) -> String {
     let mut text = report::wrap(&words::batch(document));
     text.push('\n');
     text.push_str(&table::batch(&document.platforms));
-    let errors = document.platforms.iter().filter_map(|p| {
-        let error = p.error.as_ref()?;
-        Some(report::wrap(&format!("{}: {error}", p.file)))
+    let reasons = document.platforms.iter().filter_map(|p| {
+        let why = words::why_not(p)?;
+        Some(report::wrap(&format!("{}: {why}", p.directory)))
     });
-    let errors: String = errors.collect();
-    if !errors.is_empty() {
+    let reasons: String = reasons.collect();
+    if !reasons.is_empty() {
         text.push('\n');
-        text.push_str(&errors);
+        text.push_str(&reasons);
     }
     text
 }

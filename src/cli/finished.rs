@@ -91,7 +91,7 @@ fn of_files(files: &[String]) -> String {
 }
 
 /// 128 bits of texts: the same with every version of the compiler and on every machine.
-fn fingerprint(texts: &[&str]) -> String {
+pub(super) fn fingerprint(texts: &[&str]) -> String {
     let mut hasher = SipHasher::new();
     for text in texts {
         // Where one text ends counts.

@@ -3,6 +3,7 @@
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width};
 
+use super::report::wrap;
 use super::screen::Screen;
 
 use crate::attitude::Position;
@@ -149,7 +150,7 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
         ("reached by", Left),
     ];
     let winding = words::winding(timeline.winding_deg());
-    format!("{}{winding}\n", render(columns, rows))
+    render(columns, rows) + &wrap(&winding)
 }
 
 /// The platforms of a batch.
@@ -164,17 +165,17 @@ pub(super) fn batch(platforms: &[BatchRecord]) -> String {
             optional(p.gap_percent, |gap| format!("{gap:.1}")),
             optional(p.total_time_s, seconds),
             optional(p.positions, |n| n.to_string()),
-            words::met(p.met).to_owned(),
+            optional(p.met, |met| words::met(met).to_owned()),
         ]
     });
     let columns = [
         ("platform", Left),
         ("status", Left),
-        ("criterion", Left),
+        ("by", Left),
         ("reached", Right),
-        ("above bound, %", Right),
+        ("gap, %", Right),
         ("time, s", Right),
-        ("positions", Right),
+        ("pos.", Right),
         ("spec", Left),
     ];
     render(columns, rows.collect())

@@ -288,11 +288,11 @@ pub fn batch(document: &BatchDocument) -> Result<String> {
     if !links.is_empty() {
         blocks.push(Block::Links(links));
     }
-    let errors = all.iter().filter_map(|p| {
-        let error = p.error.as_ref()?;
-        Some(format!("{}: {error}", p.file))
+    let reasons = all.iter().filter_map(|p| {
+        let why = words::why_not(p)?;
+        Some(format!("{}: {why}", p.directory))
     });
-    blocks.extend(list(errors.collect()));
+    blocks.extend(list(reasons.collect()));
     let verdict = verdict_block(vec![words::batch(document)]);
     let sections = vec![
         Section::new("verdict", "Verdict", vec![verdict]),

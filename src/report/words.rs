@@ -56,13 +56,18 @@ pub fn batch(document: &BatchDocument) -> String {
     }
 }
 
+/// Why a platform of a batch has no schedule that is acceptable; none: it has one, or nothing is known.
+pub fn why_not(record: &BatchRecord) -> Option<&str> {
+    let reason = record
+        .reason
+        .as_deref()
+        .filter(|_| record.acceptable == Some(false));
+    record.error.as_deref().or(reason)
+}
+
 /// Whether a specification is met, in a word.
-pub const fn met(met: Option<bool>) -> &'static str {
-    match met {
-        Some(true) => "met",
-        Some(false) => "missed",
-        None => "none given",
-    }
+pub const fn met(met: bool) -> &'static str {
+    if met { "met" } else { "missed" }
 }
 
 /// How far the gimbals go from where they start, whole turns counted.

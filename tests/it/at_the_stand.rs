@@ -307,25 +307,23 @@ fn a_sheet_says_what_is_measured_on_the_way() {
     let timeline = Timeline::new(&test, &schedule.unwrap()).unwrap();
     let sheet = OperatorSheet::new(&test, &timeline);
     let words: Vec<String> = sheet.rows().iter().map(SheetRow::words).collect();
-    assert_eq!(words[0], "The test begins here. Measure for 0:15:00.");
+    assert_eq!(words[0], "The test begins here. Measure 0:15:00.");
     assert_eq!(
         words[1],
-        "MEASURED MOVE, keep recording: turn alpha by +170 deg, beta by +40 deg and gamma by -90 deg, \
-         all evenly in 0:33:20. Do not stop here: the next move follows at once."
+        "MEASURED MOVE, keep recording: turn alpha +170 deg, beta +40 deg, gamma -90 deg, evenly in \
+         0:33:20. Do not stop here: the next move follows at once."
     );
     assert_eq!(
         words[2],
-        "MEASURED MOVE, keep recording: turn alpha by +160 deg and gamma by +170 deg, all evenly in \
-         0:33:20."
+        "MEASURED MOVE, keep recording: turn alpha +160 deg, gamma +170 deg, evenly in 0:33:20."
     );
     assert_eq!(
         words[3],
-        "Not measured: turn gamma by -60 deg in 0:01:00. Let it settle for 0:00:30. Measure for 0:15:00."
+        "Move: turn gamma -60 deg in 0:01:00; settle 0:00:30. Measure 0:15:00."
     );
     assert_eq!(
         words[4],
-        "Back to where the test began: turn alpha by +30 deg, beta by -40 deg and gamma by -20 deg in \
-         0:00:40. Nothing is measured any more."
+        "Back to where the test began: turn alpha +30 deg, beta -40 deg, gamma -20 deg in 0:00:40."
     );
     assert_eq!(sheet.rows()[2].angles_deg, [330.0, 40.0, 80.0]);
     assert_eq!(sheet.rows()[4].angles_deg, [360.0, 0.0, 0.0]);
@@ -338,7 +336,7 @@ fn a_sheet_says_what_is_measured_on_the_way() {
                 || page.contains("Operator&#39;s sheet: 4 positions, 1:38:50"),
             "{page}"
         );
-        assert!(page.contains("turn α by +160° and γ by +170°"));
+        assert!(page.contains("turn α\u{a0}+160°, γ\u{a0}+170°, evenly"));
         assert!(
             page.contains("<td class=\"angle\">330<br><small>(−30)</small></td>"),
             "{page}"

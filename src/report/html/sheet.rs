@@ -61,7 +61,7 @@ pub fn page(sheet: &OperatorSheet) -> Result<String> {
             _ => format!("Operator's sheet: {positions} positions, {total}"),
         },
         fields: &FIELDS,
-        planned_for: typeset_angles(sheet.planned_for()),
+        planned_for: minus(&typeset_angles(sheet.planned_for())),
         notes: notes(sheet, places),
         rows: rows.iter().map(|row| printed(row, places)).collect(),
         tool_version: sheet.tool_version(),
@@ -76,6 +76,8 @@ fn notes(sheet: &OperatorSheet, places: usize) -> Vec<String> {
     let mut notes = vec![
         "Clocks are h:mm:ss from the start of the test, to the nearest second.".to_owned(),
         "Tick a position when it is left, not when it is reached.".to_owned(),
+        "Nothing is measured while the platform moves and settles, except where the row says MEASURED MOVE."
+            .to_owned(),
         "The accelerometers should read so if they are perfect and the base is as planned. A reading with \
          another sign or on another axis: stop, the angles are meant otherwise."
             .to_owned(),
@@ -97,7 +99,7 @@ fn notes(sheet: &OperatorSheet, places: usize) -> Vec<String> {
 }
 
 fn printed(row: &SheetRow, places: usize) -> Row {
-    let shown = |deg: f64| minus(format!("{deg:.places$}"));
+    let shown = |deg: f64| minus(&format!("{deg:.places$}"));
     let angle = |axis: usize| {
         let (net, within) = (row.angles_deg[axis], row.wrapped_deg[axis]);
         (shown(net), (net != within).then(|| shown(within)))
@@ -111,17 +113,33 @@ fn printed(row: &SheetRow, places: usize) -> Row {
         angles: std::array::from_fn(angle),
         force: row
             .specific_force_g
-            .map(|f| minus(format!("{f:.FORCE_DECIMALS$}"))),
-        words: typeset_angles(&minus(row.words())),
+            .map(|f| minus(&format!("{f:.FORCE_DECIMALS$}"))),
+        words: together(&minus(&typeset_angles(&row.words()))),
     }
 }
 
-/// With the sign that is as wide as a digit; of zeros without one.
-fn minus(text: String) -> String {
-    match text.strip_prefix('-') {
-        Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
-        _ => text.replace('-', "−"),
+/// With signs that are as wide as digits; a zero has none.
+fn minus(text: &str) -> String {
+    let is_zero = |digits: &str| digits.chars().all(|c| matches!(c, '0' | '.'));
+    if let Some(digits) = text.strip_prefix('-').filter(|digits| is_zero(digits)) {
+        return digits.to_owned();
     }
+    let mut shown = String::with_capacity(text.len());
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
+        let is_sign = c == '-' && rest.peek().is_some_and(char::is_ascii_digit);
+        shown.push(if is_sign { '−' } else { c });
+    }
+    shown
+}
+
+/// Angles on one line with their names.
+fn together(text: &str) -> String {
+    ["α", "β", "γ"]
+        .into_iter()
+        .fold(text.to_owned(), |text, name| {
+            text.replace(&format!("{name} "), &format!("{name}\u{a0}"))
+        })
 }
 
 /// Most decimals of an angle on paper.

@@ -191,7 +191,7 @@ pub(super) fn batch(platforms: &[BatchRecord]) -> HtmlTable {
             value(p.rms_sigma_deg_per_h),
             p.total_time_s.map_or_else(none, seconds),
             p.positions.map_or_else(none, |n| n.to_string()),
-            words::met(p.met).to_owned(),
+            p.met.map_or_else(none, |met| words::met(met).to_owned()),
         ]
     });
     HtmlTable::new(
