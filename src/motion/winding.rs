@@ -48,14 +48,11 @@ impl Timeline {
     /// ```
     pub fn winding_deg(&self) -> [f64; 3] {
         let net = self.net_positions();
-        let mut most = [0.0_f64; 3];
         // On the way from one position to the next every axis turns one way: the ends are the farthest.
-        for position in &net {
-            for axis in 0..3 {
-                let off = position.degrees()[axis] - net[0].degrees()[axis];
-                most[axis] = most[axis].max(off.abs());
-            }
-        }
-        most.map(round_deg)
+        std::array::from_fn(|axis| {
+            let angle = |position: &Position| position.degrees()[axis];
+            let off = net.iter().map(|p| (angle(p) - angle(&net[0])).abs());
+            round_deg(off.fold(0.0, f64::max))
+        })
     }
 }

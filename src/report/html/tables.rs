@@ -182,7 +182,10 @@ pub(super) fn batch(platforms: &[BatchRecord]) -> HtmlTable {
             p.file.clone(),
             p.status.name().to_owned(),
             match &p.criterion_name {
-                Some(name) => format!("{name}, {}", p.criterion_unit.as_deref().unwrap_or("1")),
+                Some(name) => {
+                    let unit = p.criterion_unit.as_deref().unwrap_or("1");
+                    format!("{name}, {}", unit.replace("deg/h", "°/h"))
+                }
                 None => none(),
             },
             value(p.criterion),

@@ -162,7 +162,7 @@ fn what_is_finished_is_kept_and_what_has_changed_is_searched_again() {
     desk.write("flight.csv", flight(0.5));
     assert_eq!(again([false, false]), first);
     // Nor is another seed the same question.
-    let run = desk.run(&[&args[..], &["--seed", "2"]].concat());
+    let run = desk.run(&["batch", "a.toml", "-o", "out", "--seed", "2"]);
     assert_eq!(
         run.stderr.matches("finished already").count(),
         0,
@@ -210,12 +210,11 @@ fn exit_codes_are_those_of_the_gravest() {
 fn an_interrupted_batch_goes_on_and_ends_where_it_would_have() {
     use std::process::{Command, Stdio};
     let desk = Desk::new();
-    // Enough to be interrupted in the middle of.
-    let longer = "[search]\nstarts = 24\nmax_positions = 8\n";
-    for (name, latitude) in [("a", 10), ("b", 40), ("c", 70)] {
+    // The second takes long enough to be interrupted in the middle.
+    for (name, starts) in [("a", 2), ("b", 16), ("c", 2)] {
         desk.write(
             &format!("{name}.toml"),
-            format!("[site]\nlatitude_deg = {latitude}\n{longer}"),
+            format!("[search]\nmax_positions = 6\nstarts = {starts}\n"),
         );
     }
     let args = |out: &'static str| {
@@ -239,7 +238,7 @@ fn an_interrupted_batch_goes_on_and_ends_where_it_would_have() {
         );
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    std::thread::sleep(std::time::Duration::from_millis(100));
+    std::thread::sleep(std::time::Duration::from_millis(30));
     let pid = child.id().to_string();
     assert!(
         Command::new("kill")
