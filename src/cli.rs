@@ -9,6 +9,7 @@
 
 mod analyze;
 mod args;
+mod batch;
 mod bound;
 mod checkpoint;
 mod commands;
@@ -18,6 +19,7 @@ mod convert;
 mod evaluate;
 mod exit;
 mod files;
+mod finished;
 mod init;
 mod inputs;
 mod man;
@@ -77,6 +79,7 @@ fn dispatch(command: &Invocation) -> Result<Exit> {
         Invocation::Simulate(args) => simulate::run(args, output),
         Invocation::Compare(args) => compare::run(args, output),
         Invocation::Bound(args) => bound::run(args, output),
+        Invocation::Batch(args) => batch::run(args, output),
         Invocation::Init(args) => init::run(args, output),
         Invocation::Standard(args) => standard::run(args, output),
         Invocation::Convert(args) => convert::run(args, output),

@@ -23,6 +23,10 @@
 //!
 //! Moves that take no time (no slew rate, or frame-hold repositioning) have no rate: the row says
 //! from where to where, and its duration is zero.
+//!
+//! Gimbal angles count on through the whole test: each row begins where the one before ended, so that a
+//! gimbal which goes on turning one way passes 180° and whole turns ([`Timeline::net_positions`]). They
+//! are the angles of the schedule up to whole turns.
 
 use std::fmt::Write;
 
@@ -36,6 +40,7 @@ use crate::motion::{Leg, Timeline};
 use crate::platform::Platform;
 use crate::suspicion::WarningRecord;
 use crate::units::{Angle, AngularRate};
+use crate::wording::decimals;
 
 /// What the platform does for the time of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -74,7 +79,7 @@ pub struct Command {
     /// Number of the position it leads to or holds, from 1; none on the way to the start attitude
     /// and back.
     pub position: Option<usize>,
-    /// (α, β, γ) when it begins, rad.
+    /// (α, β, γ) when it begins, rad: where the command before ended, whole turns counted.
     pub from_rad: [f64; 3],
     /// (α, β, γ) when it ends, rad: the way actually taken, not wrapped.
     pub to_rad: [f64; 3],
@@ -124,6 +129,7 @@ impl Command {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CommandTable {
     commands: Vec<Command>,
+    winding_deg: [f64; 3],
 }
 
 /// Header of the CSV form.
@@ -174,13 +180,22 @@ impl CommandTable {
             commands: Vec::new(),
         };
         let held = timeline.positions();
+        let net = timeline.net_positions();
         for (index, leg) in timeline.legs().iter().enumerate() {
             let position = held.contains(&index).then(|| index - held.start + 1);
-            builder.leg(leg, position, index >= held.end);
+            let from = net[index.saturating_sub(1)].to_array();
+            let to = net[index].to_array();
+            builder.leg(leg, (from, to), position, index >= held.end);
         }
         Ok(Self {
             commands: builder.commands,
+            winding_deg: timeline.winding_deg(),
         })
+    }
+
+    /// How far α, β and γ are from where the test began, at most, degrees: what cables have to bear.
+    pub fn winding_deg(&self) -> [f64; 3] {
+        self.winding_deg
     }
 
     /// The rows in order.
@@ -207,15 +222,15 @@ impl CommandTable {
                 text,
                 "{},{},{},{},{position}",
                 clock(c.start_s),
-                trimmed(c.start_s, 9),
-                trimmed(c.duration_s, DECIMALS),
+                decimals(c.start_s, 9),
+                decimals(c.duration_s, DECIMALS),
                 c.segment.name(),
             );
             for angle in c.from_rad.iter().chain(&c.to_rad) {
                 let _ = write!(
                     text,
                     ",{}",
-                    trimmed(Angle::from_rad(*angle).deg(), DECIMALS)
+                    decimals(Angle::from_rad(*angle).deg(), DECIMALS)
                 );
             }
             for axis in 0..3 {
@@ -253,6 +268,8 @@ pub struct CommandDocument {
     pub test: TestConfig,
     /// The commands in order.
     pub commands: Vec<CommandRecord>,
+    /// Largest |net angle − start| of α, β and γ at any instant, degrees.
+    pub winding_deg: [f64; 3],
     /// Values of the inputs that are allowed but hard to believe; left out when there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[cfg_attr(feature = "schema", schemars(default))]
@@ -272,9 +289,9 @@ pub struct CommandRecord {
     pub segment: String,
     /// Number of the position it leads to or holds, from 1; null: start or return.
     pub position: Option<usize>,
-    /// (α, β, γ) when it begins, degrees.
+    /// (α, β, γ) when it begins, degrees: where the command before ended, whole turns counted.
     pub from_deg: [f64; 3],
-    /// (α, β, γ) when it ends, degrees.
+    /// (α, β, γ) when it ends, degrees, whole turns counted.
     pub to_deg: [f64; 3],
     /// Rates of (α, β, γ), °/s; null: it takes no time.
     pub gimbal_rates_deg_per_s: Option<[f64; 3]>,
@@ -311,6 +328,7 @@ impl CommandTable {
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
             test: TestConfig::default(),
             commands: self.commands.iter().map(Into::into).collect(),
+            winding_deg: self.winding_deg,
             warnings: Vec::new(),
         }
     }
@@ -349,7 +367,14 @@ struct TableBuilder {
 }
 
 impl TableBuilder {
-    fn leg(&mut self, leg: &Leg, position: Option<usize>, returns: bool) {
+    /// The commands of a leg between two net positions.
+    fn leg(
+        &mut self,
+        leg: &Leg,
+        (from, here): ([f64; 3], [f64; 3]),
+        position: Option<usize>,
+        returns: bool,
+    ) {
         if let Some(m) = &leg.arrival {
             let segment = match returns {
                 true => Segment::Return,
@@ -362,14 +387,21 @@ impl TableBuilder {
             };
             // A move to where the platform is already, in no time, is nothing to command.
             if m.duration_s > 0.0 || turn > 0.0 {
+                // The move without its whole turns; its ends are those of its neighbours to the bit.
+                let at = |k: usize| match k {
+                    0 => from,
+                    k if k == steps => here,
+                    k => {
+                        let angles = m.angles_at(k as f64 / steps as f64);
+                        std::array::from_fn(|i| angles[i] + (from[i] - m.from[i]))
+                    }
+                };
                 for k in 0..steps {
-                    let at = |k: usize| m.angles_at(k as f64 / steps as f64);
                     let command = (segment, position, m.measured);
                     self.push(at(k), at(k + 1), m.duration_s / steps as f64, command);
                 }
             }
         }
-        let here = leg.position.to_array();
         for (segment, duration_s) in [
             (Segment::Settle, leg.settle_s),
             (Segment::Dwell, leg.dwell_s),
@@ -446,18 +478,8 @@ pub fn clock(time_s: f64) -> String {
     )
 }
 
-fn optional(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(String::new, |v| trimmed(v, decimals))
-}
-
-/// That many decimals at most.
-fn trimmed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    match short {
-        "-0" => "0".to_owned(),
-        short => short.to_owned(),
-    }
+fn optional(value: Option<f64>, most: usize) -> String {
+    value.map_or_else(String::new, |v| decimals(v, most))
 }
 
 #[cfg(test)]
@@ -465,12 +487,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clocks_and_numbers_read_well() {
+    fn clocks_read_well() {
         assert_eq!(clock(0.0), "00:00:00.0");
         assert_eq!(clock(14_395.14), "03:59:55.1");
         assert_eq!(clock(59.96), "00:01:00.0");
-        assert_eq!(trimmed(-0.000_000_000_01, 9), "0");
-        assert_eq!(trimmed(1800.5, 9), "1800.5");
-        assert_eq!(trimmed(120.0, 6), "120");
     }
 }

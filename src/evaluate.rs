@@ -167,6 +167,8 @@ pub struct Evaluation {
     pub first_disagreement: Option<Disagreement>,
     /// When each position of the schedule begins to be held, and what accelerometers read there.
     pub positions: Vec<HeldPosition>,
+    /// How far α, β and γ are from where the test began, at most, degrees.
+    pub winding_deg: [f64; 3],
 }
 
 /// A position of a schedule in its test.
@@ -351,6 +353,7 @@ impl Evaluator {
             precision,
             first_disagreement,
             positions: held_positions(&timeline),
+            winding_deg: timeline.winding_deg(),
         })
     }
 

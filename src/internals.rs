@@ -35,6 +35,7 @@ open!(
     results,
     schedule,
     search,
+    sheet,
     simulate,
     study,
     suspicion,

@@ -78,6 +78,7 @@ mod report;
 mod results;
 mod schedule;
 mod search;
+mod sheet;
 mod simulate;
 mod study;
 mod suspicion;
@@ -97,8 +98,10 @@ pub use error::{Error, Result};
 pub use schedule::standard::StandardScheme;
 pub use schedule::{Schedule, ScheduledPosition};
 pub use search::{Control, Freedom, Journal, Phase, Progress, StartingScheme, Status};
+pub use sheet::{Approach, OperatorSheet, SheetRow, Stop};
 pub use simulate::{FilterModel, SimulationOptions, ToldNoise, TruthModel, TruthNoise};
 pub use study::{
-    AnalysisResult, BoundResult, ComparisonOptions, ComparisonResult, Contender, EvaluationResult,
-    SearchResult, SimulationRequest, SimulationResult, Study,
+    AnalysisResult, Batch, BatchControl, BatchPlatform, BatchResult, BoundResult,
+    ComparisonOptions, ComparisonResult, Contender, EvaluationResult, SearchResult,
+    SimulationRequest, SimulationResult, Study,
 };

@@ -21,6 +21,7 @@ pub(crate) mod integral;
 mod scaled;
 mod test;
 mod way;
+mod winding;
 
 pub use crate::schedule::periods::MAX_FILTER_PERIODS;
 

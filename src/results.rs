@@ -8,6 +8,7 @@
 //! Fields may be added within a major version; none is renamed or dropped.
 
 mod analysis;
+mod batch;
 mod bound;
 mod common;
 mod comparison;
@@ -32,6 +33,7 @@ pub use analysis::{
     ReconstructionRecord, SeenRecord, Standing, StateRecord, SuggestionRecord, TermRecord,
     WeakRecord,
 };
+pub use batch::{BATCH_SCHEMA, BatchDocument, BatchRecord, BatchStatus};
 pub use bound::{BOUND_SCHEMA, BoundDocument, CertificateRecord, DeltaRecord};
 pub use common::{Inputs, TOOL_VERSION};
 pub use comparison::{

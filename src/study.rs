@@ -21,6 +21,7 @@
 //! ```
 
 mod answers;
+mod batch;
 mod compared;
 mod limits;
 mod searched;
@@ -29,6 +30,7 @@ mod simulated;
 use std::path::Path;
 
 pub use answers::{AnalysisResult, BoundResult, EvaluationResult};
+pub use batch::{Batch, BatchControl, BatchPlatform, BatchResult};
 pub use compared::{ComparisonOptions, ComparisonResult, Contender};
 pub use searched::SearchResult;
 pub use simulated::{SimulationRequest, SimulationResult};
@@ -43,6 +45,7 @@ use crate::motion::Timeline;
 use crate::results::{AnalysisDocument, BoundDocument, DoneRecord, EvaluationDocument, Inputs};
 use crate::schedule::Schedule;
 use crate::search::StartingScheme;
+use crate::sheet::OperatorSheet;
 
 /// One platform and one objective, checked, and all that can be asked of them.
 ///
@@ -301,6 +304,18 @@ impl Study {
         })
     }
 
+    /// What an operator has at the stand for `schedule`: clock, angles, what the accelerometers read, and
+    /// what to do, position by position.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::is_input`] when the platform cannot run the schedule.
+    pub fn operator_sheet(&self, schedule: &Schedule) -> Result<OperatorSheet> {
+        let test = self.checked.test();
+        let timeline = Timeline::new(test, schedule)?;
+        Ok(OperatorSheet::new(test, &timeline))
+    }
+
     /// The inputs as documents carry them.
     pub(crate) fn inputs(&self) -> Inputs {
         Inputs {
@@ -308,6 +323,12 @@ impl Study {
             defaulted: self.defaulted().to_vec(),
             done: DoneRecord::of(self.checked.test()),
         }
+    }
+
+    /// All that answers depend on, resolved, as text: what files named in the platform file hold too.
+    #[cfg(feature = "cli")]
+    pub(crate) fn resolved(&self) -> String {
+        format!("{:?} {:?}", self.checked.test(), self.evaluator.objective())
     }
 
     /// The test, its platform in SI: for the tables of the command line.
@@ -324,7 +345,16 @@ impl Study {
 
     /// Does `work` on the threads that the study asks for.
     fn on_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T> {
-        let threads = self.config().search.threads.unwrap_or(0);
+        self.on_threads_or(None, work)
+    }
+
+    /// The same, on `threads` where the study asks for no number of them.
+    fn on_threads_or<T: Send>(
+        &self,
+        threads: Option<usize>,
+        work: impl FnOnce() -> T + Send,
+    ) -> Result<T> {
+        let threads = self.config().search.threads.or(threads).unwrap_or(0);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

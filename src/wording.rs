@@ -26,6 +26,26 @@ pub fn seconds(value: f64) -> String {
     }
 }
 
+/// That many decimals at most; no zero has a sign.
+pub fn decimals(value: f64, most: usize) -> String {
+    let text = format!("{value:.most$}");
+    let short = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => text.as_str(),
+    };
+    match short {
+        "-0" => "0".to_owned(),
+        short => short.to_owned(),
+    }
+}
+
+/// Time of a test as hours, minutes and seconds, h:mm:ss: to the nearest second.
+pub fn h_mm_ss(time_s: f64) -> String {
+    let seconds = time_s.round() as u64;
+    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+    format!("{hours}:{minutes:02}:{:02}", seconds % 60)
+}
+
 /// A separability, 0 to 1: four decimals, or two digits where those would be zeros.
 pub fn separability(value: f64) -> String {
     match value {
@@ -84,6 +104,13 @@ mod tests {
         assert_eq!(separability(0.333_33), "0.3333");
         assert_eq!(seconds(120.0), "120");
         assert_eq!(seconds(119.26), "119.3");
+        assert_eq!(decimals(-0.000_000_000_01, 9), "0");
+        assert_eq!(decimals(1800.5, 9), "1800.5");
+        assert_eq!(decimals(120.0, 6), "120");
+        assert_eq!(decimals(120.0, 0), "120");
+        assert_eq!(h_mm_ss(0.0), "0:00:00");
+        assert_eq!(h_mm_ss(14_399.6), "4:00:00");
+        assert_eq!(h_mm_ss(3_725.4), "1:02:05");
     }
 
     #[test]

@@ -17,11 +17,12 @@ const ABOUT: &str =
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-   1    search, bound, compare: no acceptable schedule, since the specification or the limits cannot
+   1    search, batch, bound, compare: no acceptable schedule, since the specification or the limits cannot
         be met or a coefficient that counts stays unobservable; simulate --check: not passed.
         evaluate and analyze tell of a given schedule, whatever it is worth, and end with 0
   2    usage or input error
-  130  interrupted; the best schedule so far is written";
+  130  interrupted; the best schedule so far is written
+       batch: 130 before 2 before 1, if any of its platforms has it; the summary says which";
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -47,13 +48,15 @@ pub(super) enum Invocation {
     Compare(CompareArgs),
     /// Say what no schedule can beat, without searching for one
     Bound(BoundArgs),
+    /// Search for each of many platforms, with one summary over all
+    Batch(BatchArgs),
     /// Write a commented platform file
     Init(InitArgs),
     /// List the built-in schemes, or write one
     Standard(StandardArgs),
     /// Turn a schedule as one has it (Excel, CSV of any kind) into a schedule file
     Convert(ConvertArgs),
-    /// Write what the stand is told to do, second by second, as CSV
+    /// Write what the stand is told to do, second by second, as CSV, and the operator's sheet
     Commands(CommandsArgs),
     /// Write the report of a document, HTML
     Report(ReportArgs),
@@ -75,6 +78,7 @@ impl Invocation {
             Self::Simulate(a) => a.common.messages.quiet,
             Self::Compare(a) => a.common.messages.quiet,
             Self::Bound(a) => a.common.messages.quiet,
+            Self::Batch(a) => a.common.messages.quiet,
             Self::Init(a) => a.messages.quiet,
             Self::Standard(a) => a.messages.quiet,
             Self::Convert(a) => a.messages.quiet,
@@ -159,7 +163,8 @@ pub(super) struct SearchArgs {
     /// Platform file; without one, the built-in platform (see `init`)
     #[arg(value_name = "PLATFORM.toml")]
     pub platform: Option<PathBuf>,
-    /// Directory to write schedule.json, schedule.csv, commands.csv, result.json and report.html to
+    /// Directory to write schedule.json, schedule.csv, commands.csv, the operator's sheet (sheet.html,
+    /// sheet.csv), result.json and report.html to
     #[arg(short, long, value_name = "DIR", default_value = "scheme-opt-out")]
     pub output: PathBuf,
     /// How many starts the search makes
@@ -233,6 +238,32 @@ pub(super) enum Changeable {
     Order,
 }
 
+/// `batch`.
+#[derive(Debug, Args)]
+pub(super) struct BatchArgs {
+    /// Platform files
+    #[arg(value_name = "PLATFORM.toml", required = true)]
+    pub platforms: Vec<PathBuf>,
+    /// Directory to write batch.json, batch.csv and batch.html to, and for each platform a directory with
+    /// what search writes, named after its file. What is finished there by the same inputs is kept, what
+    /// was interrupted goes on
+    #[arg(short, long, value_name = "DIR", default_value = "scheme-opt-batch")]
+    pub output: PathBuf,
+    /// Searches at the same time, which share the processors [default: one for each processor]
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<std::num::NonZeroUsize>,
+    /// How many starts each search makes
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Override the platform file",
+        allow_negative_numbers = true
+    )]
+    pub starts: Option<usize>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
 /// A schedule, and the platform it is for.
 #[derive(Debug, Args)]
 pub(super) struct Given {
@@ -278,9 +309,12 @@ pub(super) struct CommandsArgs {
         allow_negative_numbers = true
     )]
     pub step_deg: f64,
-    /// File to write the table to, CSV [default: stdout]
+    /// File to write the table to, CSV [default: stdout, unless only a sheet is asked for]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// File to write the operator's sheet to, a page to print (.html) or CSV (.csv); may be given twice
+    #[arg(long, value_name = "FILE")]
+    pub sheet: Vec<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }

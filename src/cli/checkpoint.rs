@@ -17,6 +17,7 @@ use crate::search::checkpoint::{Finished, Journal};
 use crate::study::Study;
 
 use super::files::write_file;
+use super::finished::fingerprint;
 use super::output::Output;
 
 /// Name of the file in the output directory.
@@ -36,6 +37,9 @@ struct CheckpointDocument {
     tool_version: String,
     /// The problem: another one does not take the same way.
     inputs: Value,
+    /// Fingerprint of the same resolved: of what the files hold that the inputs name, too.
+    #[serde(default)]
+    resolved: String,
     finished: BTreeMap<String, Finished>,
 }
 
@@ -43,6 +47,7 @@ struct CheckpointDocument {
 pub(super) struct Checkpoint {
     path: PathBuf,
     inputs: Value,
+    resolved: String,
     journal: Arc<Journal>,
     /// Whether the file is this run's: read or written by it.
     own: Mutex<bool>,
@@ -60,6 +65,7 @@ impl Checkpoint {
         let mut checkpoint = Self {
             path: directory.join(FILE),
             inputs: problem(study)?,
+            resolved: fingerprint(&[&study.resolved()]),
             journal: Arc::default(),
             own: Mutex::new(false),
         };
@@ -124,6 +130,11 @@ impl Checkpoint {
                 "the checkpoint is of another problem: {key} differs"
             ));
         }
+        if document.resolved != self.resolved {
+            return refused(
+                "the checkpoint is of another problem: a file that it names has changed",
+            );
+        }
         Ok(Journal::new(document.finished))
     }
 
@@ -133,6 +144,7 @@ impl Checkpoint {
             schema: SCHEMA.to_owned(),
             tool_version: TOOL_VERSION.to_owned(),
             inputs: self.inputs.clone(),
+            resolved: self.resolved.clone(),
             finished: self.journal.finished(),
         };
         if document.finished.is_empty() {

@@ -23,10 +23,12 @@ use super::progress::ProgressDisplay;
 use super::{inputs, page, report};
 
 /// What is written into the output directory.
-const FILES: [&str; 5] = [
+pub(super) const FILES: [&str; 7] = [
     "schedule.json",
     "schedule.csv",
     "commands.csv",
+    "sheet.html",
+    "sheet.csv",
     "result.json",
     "report.html",
 ];
@@ -117,9 +119,10 @@ fn with_schemes(mut study: Study, args: &SearchArgs, output: Output) -> Result<S
 }
 
 /// The files' contents, in the order of [`FILES`].
-fn contents(study: &Study, found: &SearchResult, output: Output) -> Result<[String; 5]> {
+pub(super) fn contents(study: &Study, found: &SearchResult, output: Output) -> Result<[String; 7]> {
     let schedule = found.schedule();
     let commands = study.commands(schedule, CommandTable::DEFAULT_STEP_DEG);
+    let sheet = study.operator_sheet(schedule)?;
     Ok([
         schedule.to_json(),
         schedule.to_csv(),
@@ -127,6 +130,8 @@ fn contents(study: &Study, found: &SearchResult, output: Output) -> Result<[Stri
             |why| format!("# no command table: {why}\n"),
             |table| table.to_csv(),
         ),
+        sheet.to_html()?,
+        sheet.to_csv(),
         found.document().to_json()?,
         page::made(found.report_html(), output)?,
     ])

@@ -3,6 +3,7 @@
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width};
 
+use super::report::wrap;
 use super::screen::Screen;
 
 use crate::attitude::Position;
@@ -11,7 +12,8 @@ use crate::platform::{Platform, Repositioning};
 use crate::report::words;
 use crate::results::schema::DocumentKind;
 use crate::results::{
-    BaselineRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord, RoleRecord,
+    BaselineRecord, BatchRecord, BoundDocument, EvaluationDocument, ParameterRecord, ParetoRecord,
+    RoleRecord,
 };
 use crate::schedule::standard::StandardScheme;
 use crate::units::Angle;
@@ -148,7 +150,36 @@ pub(super) fn schedule(platform: &Platform, timeline: &Timeline) -> String {
         ("dwell, s", Right),
         ("reached by", Left),
     ];
-    render(columns, rows)
+    let winding = words::winding(timeline.winding_deg());
+    render(columns, rows) + &wrap(&winding)
+}
+
+/// The platforms of a batch.
+pub(super) fn batch(platforms: &[BatchRecord]) -> String {
+    let none = || "-".to_owned();
+    let rows = platforms.iter().map(|p| {
+        [
+            p.directory.clone(),
+            p.status.name().to_owned(),
+            p.criterion_name.clone().unwrap_or_else(none),
+            optional(p.criterion, number),
+            optional(p.gap_percent, |gap| format!("{gap:.1}")),
+            optional(p.total_time_s, seconds),
+            optional(p.positions, |n| n.to_string()),
+            optional(p.met, |met| words::met(met).to_owned()),
+        ]
+    });
+    let columns = [
+        ("platform", Left),
+        ("status", Left),
+        ("by", Left),
+        ("reached", Right),
+        ("gap, %", Right),
+        ("time, s", Right),
+        ("pos.", Right),
+        ("spec", Left),
+    ];
+    render(columns, rows.collect())
 }
 
 /// What the accelerometers read at each position if they are perfect and the platform is level: what

@@ -30,6 +30,7 @@ mod blocks;
 mod errors;
 mod maps;
 mod pictures;
+pub mod sheet;
 mod subject;
 mod tables;
 mod verdict;
@@ -43,9 +44,9 @@ use crate::error::{Error, Result};
 use crate::observability::solution::NoSolution;
 use crate::report::{angles, words};
 use crate::results::{
-    AnalysisDocument, COMPARISON_SCHEMA, CertificateRecord, ComparedWith, ComparisonDocument,
-    EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA, ResultDocument, SIMULATION_SCHEMA,
-    SimulationDocument, TOOL_VERSION, WarningRecord,
+    AnalysisDocument, BATCH_SCHEMA, BatchDocument, COMPARISON_SCHEMA, CertificateRecord,
+    ComparedWith, ComparisonDocument, EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA,
+    ResultDocument, SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION, WarningRecord,
 };
 use crate::schedule::file::to_csv;
 use crate::wording::seconds;
@@ -304,6 +305,51 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
     )
 }
 
+/// The page of a batch.
+///
+/// # Errors
+///
+/// [`Error::is_numerical`] when the template cannot be written.
+pub fn batch(document: &BatchDocument) -> Result<String> {
+    let all = &document.platforms;
+    let mut blocks = vec![Block::Table(tables::batch(all))];
+    let with_files = all.iter().filter(|p| p.criterion.is_some());
+    let links: Vec<(String, String)> = with_files
+        .map(|p| {
+            let page = format!("{}/report.html", percent_encoded(&p.directory));
+            (page, format!("{}: report", p.directory))
+        })
+        .collect();
+    if !links.is_empty() {
+        blocks.push(Block::Links(links));
+    }
+    let reasons = all.iter().filter_map(|p| {
+        let why = words::why_not(p)?;
+        Some(format!("{}: {why}", p.directory))
+    });
+    blocks.extend(list(reasons.collect()));
+    let verdict = verdict_block(vec![words::batch(document)]);
+    let sections = vec![
+        Section::new("verdict", "Verdict", vec![verdict]),
+        Section::new("platforms", "Platforms", blocks),
+    ];
+    page(
+        &format!("Torquing schemes of {} platforms", all.len()),
+        None,
+        sections,
+    )
+}
+
+/// A name as a part of an address.
+fn percent_encoded(name: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
+    let encoded = name.bytes().map(|byte| match plain(byte) {
+        true => char::from(byte).to_string(),
+        false => format!("%{byte:02X}"),
+    });
+    encoded.collect()
+}
+
 /// The page of any of these documents, told by its `schema`.
 ///
 /// # Errors
@@ -328,6 +374,7 @@ pub fn from_json(text: &str) -> Result<String> {
         EVALUATION_SCHEMA => evaluation(&read(text)?),
         SIMULATION_SCHEMA => simulation(&read(text)?),
         COMPARISON_SCHEMA => comparison(&read(text)?),
+        BATCH_SCHEMA => batch(&read(text)?),
         other => Err(Error::input("no report is made of this document")
             .with_key("schema")
             .with_value(other)
@@ -337,6 +384,7 @@ pub fn from_json(text: &str) -> Result<String> {
                     EVALUATION_SCHEMA,
                     SIMULATION_SCHEMA,
                     COMPARISON_SCHEMA,
+                    BATCH_SCHEMA,
                 ]
                 .join(", "),
             )),
@@ -384,6 +432,15 @@ pub fn absent(why: &Error) -> Result<String> {
 /// The unit as this page writes it: sentences shared with the terminal have it in plain letters.
 fn typeset(sentence: &str) -> String {
     sentence.replace("deg/h", "°/h")
+}
+
+/// Names of angles and their unit as this page writes them.
+fn typeset_angles(sentence: &str) -> String {
+    [(" deg", "°"), ("alpha", "α"), ("beta", "β"), ("gamma", "γ")]
+        .into_iter()
+        .fold(sentence.to_owned(), |text, (plain, letter)| {
+            text.replace(plain, letter)
+        })
 }
 
 fn verdict_block(sentences: Vec<String>) -> Block {
@@ -457,6 +514,9 @@ fn schedule_blocks(subject: &Subject) -> Vec<Block> {
             svg: pictures::gimbals(subject),
         },
         Block::Table(tables::positions(subject)),
+        Block::Text(typeset_angles(&words::winding(
+            subject.document.winding_deg,
+        ))),
         Block::Text(
             "Where gravity points in the platform at each position, in a map of equal areas: dots \
              lie along an axis, diamonds are oblique to two axes, crosses to all three. Positions \

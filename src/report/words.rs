@@ -5,14 +5,14 @@ use crate::drift::DriftCoefficient;
 use crate::model::Colour;
 use crate::platform::Platform;
 use crate::results::{
-    BaselineRecord, CertificateRecord, ComparedWith, DoneRecord, EvaluationDocument, FromRecord,
-    ParameterRecord, ResultDocument, RoleRecord, ScoreRecord, SimulatedParameter,
-    SimulationDocument,
+    BaselineRecord, BatchDocument, BatchRecord, BatchStatus, CertificateRecord, ComparedWith,
+    DoneRecord, EvaluationDocument, FromRecord, ParameterRecord, ResultDocument, RoleRecord,
+    ScoreRecord, SimulatedParameter, SimulationDocument,
 };
 use crate::simulate::consistency::{Consistency, Verdict};
 use crate::simulate::specification::SpecificationCheck;
 
-use crate::wording::{listed, number, seconds, separability};
+use crate::wording::{decimals, listed, number, seconds, separability};
 
 /// What a reader has to know before any number of the result; empty where there is nothing.
 pub fn preface(document: &ResultDocument) -> Vec<String> {
@@ -100,6 +100,63 @@ pub fn from(document: &ResultDocument, from: &FromRecord) -> String {
         ));
     }
     words.join(" ")
+}
+
+/// How a batch went, in a sentence.
+pub fn batch(document: &BatchDocument) -> String {
+    let all = &document.platforms;
+    let count = |is: &dyn Fn(&BatchRecord) -> bool| all.iter().filter(|p| is(p)).count();
+    let plural = |n: usize| if n == 1 { "platform" } else { "platforms" };
+    let mut parts = vec![format!("{} {}", all.len(), plural(all.len()))];
+    let sorts: [(&str, usize); 5] = [
+        (
+            "with the schedule asked for",
+            count(&|p| p.status != BatchStatus::Interrupted && p.acceptable == Some(true)),
+        ),
+        (
+            "without an acceptable one",
+            count(&|p| p.status != BatchStatus::Interrupted && p.acceptable == Some(false)),
+        ),
+        ("failed", count(&|p| p.status == BatchStatus::Failed)),
+        (
+            "interrupted",
+            count(&|p| p.status == BatchStatus::Interrupted),
+        ),
+        (
+            "not started",
+            count(&|p| p.status == BatchStatus::NotStarted),
+        ),
+    ];
+    let sorts = sorts.into_iter().filter(|(_, n)| *n > 0);
+    parts.extend(sorts.map(|(what, n)| format!("{n} {what}")));
+    let rest = parts.split_off(1);
+    match rest.is_empty() {
+        true => format!("{}.", parts[0]),
+        false => format!("{}: {}.", parts[0], rest.join(", ")),
+    }
+}
+
+/// Why a platform of a batch has no schedule that is acceptable; none: it has one, or nothing is known.
+pub fn why_not(record: &BatchRecord) -> Option<&str> {
+    let reason = record
+        .reason
+        .as_deref()
+        .filter(|_| record.acceptable == Some(false));
+    record.error.as_deref().or(reason)
+}
+
+/// Whether a specification is met, in a word.
+pub const fn met(met: bool) -> &'static str {
+    if met { "met" } else { "missed" }
+}
+
+/// How far the gimbals go from where they start, whole turns counted.
+pub fn winding(winding_deg: [f64; 3]) -> String {
+    let [alpha, beta, gamma] = winding_deg.map(|deg| decimals(deg, 3));
+    format!(
+        "Farthest from the start, whole turns counted: alpha {alpha} deg, beta {beta} deg, gamma \
+         {gamma} deg."
+    )
 }
 
 /// That the criterion is 0 whatever the schedule; none where it is not.

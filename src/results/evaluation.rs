@@ -85,6 +85,10 @@ pub struct EvaluationDocument {
     /// The positions as they are held: when, and what the accelerometers then read.
     #[serde(default)]
     pub positions: Vec<HeldPositionRecord>,
+    /// Largest |net angle − start| of α, β and γ at any instant of the test, degrees: whole turns counted,
+    /// what cables have to bear.
+    #[serde(default)]
+    pub winding_deg: [f64; 3],
     /// The schedule evaluated.
     pub schedule: ScheduleDocument,
     /// The study as resolved.
@@ -344,11 +348,27 @@ impl EvaluationDocument {
                 .as_ref()
                 .map(DisagreementRecord::from),
             positions: positions(evaluation, schedule),
+            winding_deg: evaluation.winding_deg,
             schedule: ScheduleDocument::from(schedule),
             inputs: inputs.config.clone(),
             defaulted: inputs.defaulted.clone(),
             warnings: warnings(inputs, Some(schedule)),
         }
+    }
+}
+
+impl EvaluationDocument {
+    /// Whether every parameter with a specification is within it at the end of the test; none: nothing has
+    /// one.
+    pub fn meets_specification(&self) -> Option<bool> {
+        let coefficients = self.coefficients.iter();
+        let coefficients = coefficients.filter(|c| c.spec_deg_per_h.is_some());
+        let others = self.parameters.iter().skip(self.coefficients.len());
+        let others = others.filter_map(|p| p.spec.map(|spec| p.sigma <= spec));
+        coefficients
+            .map(|c| c.time_to_spec_s.is_some())
+            .chain(others)
+            .reduce(|all, this| all && this)
     }
 }
 

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::analysis::AnalysisDocument;
+use super::batch::BatchDocument;
 use super::bound::BoundDocument;
 use super::comparison::ComparisonDocument;
 use super::evaluation::EvaluationDocument;
@@ -45,6 +46,7 @@ macro_rules! written_as_json {
 
 written_as_json!(
     AnalysisDocument,
+    BatchDocument,
     BoundDocument,
     ComparisonDocument,
     EvaluationDocument,

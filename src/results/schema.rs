@@ -11,6 +11,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 
 use super::analysis::AnalysisDocument;
+use super::batch::BatchDocument;
 use super::bound::BoundDocument;
 use super::common::TOOL_VERSION;
 use super::comparison::ComparisonDocument;
@@ -44,6 +45,8 @@ pub enum DocumentKind {
     Comparison,
     /// What `bound` finds.
     Bound,
+    /// What `batch` finds for many platforms.
+    Batch,
     /// The command table.
     Commands,
     /// The list of the built-in schemes.
@@ -54,7 +57,7 @@ pub enum DocumentKind {
 
 impl DocumentKind {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Platform,
         Self::Schedule,
         Self::Result,
@@ -63,6 +66,7 @@ impl DocumentKind {
         Self::Simulation,
         Self::Comparison,
         Self::Bound,
+        Self::Batch,
         Self::Commands,
         Self::Standard,
         Self::Documents,
@@ -79,6 +83,7 @@ impl DocumentKind {
             Self::Simulation => "simulation",
             Self::Comparison => "comparison",
             Self::Bound => "bound",
+            Self::Batch => "batch",
             Self::Commands => "commands",
             Self::Standard => "standard",
             Self::Documents => "documents",
@@ -96,6 +101,7 @@ impl DocumentKind {
             Self::Simulation => "simulation.json of simulate; simulate --json",
             Self::Comparison => "compare --json",
             Self::Bound => "bound --json",
+            Self::Batch => "batch.json of batch; batch --json",
             Self::Commands => "commands --json",
             Self::Standard => "standard --json",
             Self::Documents => "schema --json",
@@ -133,6 +139,7 @@ impl DocumentKind {
             Self::Simulation => of::<SimulationDocument>(),
             Self::Comparison => of::<ComparisonDocument>(),
             Self::Bound => of::<BoundDocument>(),
+            Self::Batch => of::<BatchDocument>(),
             Self::Commands => of::<CommandDocument>(),
             Self::Standard => of::<SchemeListDocument>(),
             Self::Documents => of::<DocumentListDocument>(),

@@ -72,6 +72,7 @@ pub struct Control {
     progress: Option<Arc<Watcher>>,
     deadline: Option<Instant>,
     journal: Option<Arc<Journal>>,
+    threads: Option<usize>,
 }
 
 impl fmt::Debug for Control {
@@ -81,6 +82,7 @@ impl fmt::Debug for Control {
             .field("watched", &self.progress.is_some())
             .field("deadline", &self.deadline)
             .field("journal", &self.journal.is_some())
+            .field("threads", &self.threads)
             .finish()
     }
 }
@@ -112,6 +114,19 @@ impl Control {
     pub fn with_journal(mut self, journal: Arc<Journal>) -> Self {
         self.journal = Some(journal);
         self
+    }
+
+    /// Computes on so many threads unless `search.threads` says another number; the result does not depend
+    /// on it.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> Self {
+        self.threads = Some(threads);
+        self
+    }
+
+    /// The threads to compute on, if anything was said.
+    pub(crate) fn threads(&self) -> Option<usize> {
+        self.threads
     }
 
     pub(crate) fn journal(&self) -> Option<&Journal> {

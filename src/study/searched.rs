@@ -91,13 +91,14 @@ impl Study {
         let began = Instant::now();
         self.check_limits()?;
         let control = self.limited(control);
-        let outcome =
-            self.on_threads(|| self.outcome(&control))?
-                .map_err(|e| match e.is_input() {
-                    true => self.source.located(e),
-                    false => e,
-                })?;
-        let document = self.on_threads(|| self.result_document(&outcome, began))?;
+        let outcome = self
+            .on_threads_or(control.threads(), || self.outcome(&control))?
+            .map_err(|e| match e.is_input() {
+                true => self.source.located(e),
+                false => e,
+            })?;
+        let document =
+            self.on_threads_or(control.threads(), || self.result_document(&outcome, began))?;
         Ok(SearchResult {
             document,
             acceptable: !outcome.lacking,

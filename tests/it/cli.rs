@@ -1,6 +1,7 @@
 //! The program as a user runs it: every command, every kind of bad input, every exit code.
 
 mod answers;
+mod batches;
 mod coloured;
 mod commands;
 mod comparison;
@@ -15,6 +16,7 @@ mod provenance;
 mod refusals;
 mod resume;
 mod schemas;
+mod sheets;
 mod specifications;
 mod tables;
 mod verdicts;
@@ -27,12 +29,14 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// What a search writes.
-const RESULTS: [&str; 5] = [
+const RESULTS: [&str; 7] = [
     "commands.csv",
     "report.html",
     "result.json",
     "schedule.csv",
     "schedule.json",
+    "sheet.csv",
+    "sheet.html",
 ];
 
 /// A directory of its own to run the program in.

@@ -7,6 +7,7 @@
 )]
 
 mod angles;
+mod at_the_stand;
 mod axes;
 mod batch;
 #[path = "../battery/mod.rs"]

@@ -36,6 +36,8 @@ pub(super) enum Block {
     /// Sentences that stand by themselves.
     List(Vec<String>),
     Table(HtmlTable),
+    /// Ways to other pages: address and text.
+    Links(Vec<(String, String)>),
     /// Pictures side by side where there is room: caption and SVG.
     Pictures(Vec<(String, String)>),
     /// One wide picture.

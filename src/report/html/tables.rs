@@ -7,8 +7,8 @@ use crate::motion::{Leg, gimbal_change};
 use crate::platform::{Platform, Repositioning};
 use crate::report::{angles, words};
 use crate::results::{
-    BaselineRecord, ComparisonDocument, ParetoRecord, RoleRecord, ScoreRecord, SimulatedParameter,
-    SimulationDocument,
+    BaselineRecord, BatchRecord, ComparisonDocument, ParetoRecord, RoleRecord, ScoreRecord,
+    SimulatedParameter, SimulationDocument,
 };
 use crate::simulate::consistency::Consistency;
 use crate::simulate::specification::SpecificationCheck;
@@ -199,6 +199,50 @@ fn platform_rate(command: &crate::commands::Command) -> String {
     });
     let unit = if turning { "°/s" } else { "°/h" };
     format!("{} {unit}", parts.join(", "))
+}
+
+/// The platforms of a batch.
+pub(super) fn batch(platforms: &[BatchRecord]) -> HtmlTable {
+    let none = || NONE.to_owned();
+    let rows = platforms.iter().map(|p| {
+        let value = |v: Option<f64>| v.map_or_else(none, number);
+        vec![
+            p.directory.clone(),
+            p.file.clone(),
+            p.status.name().to_owned(),
+            match &p.criterion_name {
+                Some(name) => {
+                    let unit = p.criterion_unit.as_deref().unwrap_or("1");
+                    format!("{name}, {}", unit.replace("deg/h", "°/h"))
+                }
+                None => none(),
+            },
+            value(p.criterion),
+            value(p.lower_bound),
+            p.gap_percent.map_or_else(none, |gap| format!("{gap:.1}")),
+            value(p.rms_sigma_deg_per_h),
+            p.total_time_s.map_or_else(none, seconds),
+            p.positions.map_or_else(none, |n| n.to_string()),
+            p.met.map_or_else(none, |met| words::met(met).to_owned()),
+        ]
+    });
+    HtmlTable::new(
+        "Platforms, in the order given",
+        &[
+            "directory",
+            "file",
+            "status",
+            "criterion",
+            "reached",
+            "no schedule below",
+            "above that, %",
+            "RMS σ, °/h",
+            "time, s",
+            "positions",
+            "specification",
+        ],
+        rows.collect(),
+    )
 }
 
 /// σ before and after, and the specification.

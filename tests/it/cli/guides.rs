@@ -54,6 +54,7 @@ fn is_for_cargo(line: &str) -> bool {
 fn as_run(line: &str) -> String {
     let line = line.replace("cargo run --release --", "scheme-opt");
     let line = line.replace("scheme-opt search", "scheme-opt search --starts 2");
+    let line = line.replace("scheme-opt batch", "scheme-opt batch --starts 2");
     let line = line.replace("--best-order", "--best-order --order-steps 1000");
     match line.contains("--runs") {
         true => line,

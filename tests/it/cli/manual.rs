@@ -2,13 +2,14 @@
 
 use super::{Desk, names};
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "search",
     "evaluate",
     "analyze",
     "simulate",
     "compare",
     "bound",
+    "batch",
     "init",
     "standard",
     "commands",

@@ -167,6 +167,24 @@ fn a_checkpoint_of_something_else_is_refused() {
 }
 
 #[test]
+fn a_checkpoint_for_other_contents_of_a_named_file_is_refused() {
+    let desk = Desk::new();
+    let problem = Problem {
+        name: "use",
+        platform: "[objective]\ncriterion = \"use\"\nuse = \"flight.csv\"\n[search]\nmax_positions = 8\n",
+        starts: "12",
+    };
+    let flight = |f: f64| format!("time_s,f_x,f_y,f_z\n0,0.2,1,-0.3\n60,{f},1,0.5\n");
+    desk.write("p.toml", problem.platform);
+    desk.write("flight.csv", flight(0.5));
+    leave_unfinished(&desk, &problem);
+    desk.write("flight.csv", flight(0.7));
+    let resume = search(&problem, "out", &["--resume"]);
+    desk.run(&resume)
+        .refused(&["out/checkpoint.json", "a file that it names has changed"]);
+}
+
+#[test]
 fn a_new_search_says_what_it_will_replace_and_resuming_nothing_starts() {
     let desk = Desk::new();
     let problem = &PROBLEMS[0];

@@ -120,6 +120,12 @@ fn every_document_validates_against_its_schema() {
         DocumentKind::Bound,
         &document(&["bound", "stand.toml", "--json"]),
     );
+    desk.write("wrong.toml", "[site]\nlatitude = 1\n");
+    let run = desk.run(&["batch", "stand.toml", "wrong.toml", "--json"]);
+    validate(
+        DocumentKind::Batch,
+        &serde_json::from_str(&run.stdout).unwrap(),
+    );
     validate(DocumentKind::Standard, &document(&["standard", "--json"]));
     validate(DocumentKind::Documents, &document(&["schema", "--json"]));
 }
