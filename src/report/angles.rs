@@ -68,9 +68,7 @@ pub fn convention(platform: &Platform) -> Vec<String> {
     let axes = stand.axes().map(signed);
     let turns = GIMBALS.iter().zip(ANGLES).zip(&axes);
     let turns = turns.map(|((gimbal, angle), axis)| {
-        format!(
-            "a positive {angle} turns the {gimbal} gimbal, and all that it carries, about {axis}"
-        )
+        format!("a positive {angle} turns the {gimbal} gimbal and all that it carries about {axis}")
     });
     let turns: Vec<String> = turns.collect();
     let base = match (stand.heading_deg() == 0.0, stand.tilt_deg() == [0.0; 2]) {
@@ -99,7 +97,7 @@ pub fn convention(platform: &Platform) -> Vec<String> {
             .to_owned(),
         base,
         format!(
-            "Outer to inner: {}, right-handed, of the platform as it stands at zero angles.",
+            "Right-handed, about the platform's axes as they stand at zero angles: {}.",
             turns.join("; ")
         ),
         format!(
@@ -254,19 +252,21 @@ impl View<'_> {
 
 fn draw(area: &Area, ink: &Ink, platform: &Platform) -> Drawn {
     let checks = platform.check_positions();
+    // Arrows mostly point upwards; the rings do not.
+    let down = |panel: usize| if panel == 0 { LINE } else { 2.0 * LINE };
     let view = |panel: usize| View {
         area,
         ink,
         middle: [
             WIDTH * ((panel % 2) as f64 + 0.5),
-            HEIGHT * ((panel / 2) as f64 + 0.5) + LINE,
+            HEIGHT * ((panel / 2) as f64 + 0.5) + down(panel),
         ],
     };
     let Some((start, turned)) = checks.split_first() else {
         return Ok(());
     };
     let top = |panel: usize| View {
-        middle: [view(panel).middle[0], view(panel).middle[1] - LINE],
+        middle: [view(panel).middle[0], view(panel).middle[1] - down(panel)],
         ..view(panel)
     };
     gimbals(&view(0), platform, start)?;
