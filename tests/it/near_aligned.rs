@@ -307,6 +307,7 @@ fn analysed(config: &PlatformConfig, schedule: &Schedule) -> (Analysis, Analysis
     let inputs = Inputs {
         config: scheme_opt::internals::config::StudyConfig::default(),
         defaulted: Vec::new(),
+        done: None,
     };
     let document = AnalysisDocument::new(
         &analysis,
