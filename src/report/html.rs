@@ -19,7 +19,7 @@
 //!     ScheduledPosition::new(Position::from_deg(180.0, 0.0, 0.0), 1000.0),
 //! ])?;
 //! let evaluation = evaluator.evaluate(&schedule)?;
-//! let inputs = Inputs { config, defaulted: Vec::new() };
+//! let inputs = Inputs { config, defaulted: Vec::new(), done: None };
 //! let document = EvaluationDocument::new(&evaluation, &schedule, evaluator.objective(), &inputs);
 //! let page = html::evaluation(&document)?;
 //! assert!(page.starts_with("<!DOCTYPE html>") && page.contains("What the measurements cannot tell"));

@@ -20,6 +20,7 @@ use super::rated::{Candidate, Refined, rate};
 use super::refine::refine;
 use super::reordering::changes;
 use crate::criterion::Smoothing;
+use crate::error::Error;
 
 /// L-BFGS iterations of the dwells.
 const ITERATIONS: u64 = 400;
@@ -47,6 +48,27 @@ pub(super) fn best_of_scheme(context: Context<'_>, from: &StartingScheme) -> Opt
     let criterion = found.as_ref().map(|c: &Candidate| c.criterion);
     context.control.report(Phase::Improving, 1, 1, criterion);
     found
+}
+
+/// Whether the scheme fits into the time in the order that it has.
+pub(super) fn fits(context: Context<'_>, from: &StartingScheme) -> bool {
+    let (test, total_time_s) = (context.evaluator.test(), context.problem.total_time_s);
+    let plan = from.plan(test);
+    let taken_s = plan.timeline(test).total_time_s();
+    match from.freedom.dwells() {
+        true => plan.fitted(test, total_time_s).is_some(),
+        false => taken_s <= total_time_s * (1.0 + TIME_SLACK),
+    }
+}
+
+/// No order that was tried does.
+pub(super) fn does_not_fit(context: Context<'_>, from: &StartingScheme) -> Error {
+    Error::infeasible(format!(
+        "in no order that was tried do the positions of {} fit into the time",
+        from.name
+    ))
+    .with_key("objective.total_time_s")
+    .with_value(context.problem.total_time_s)
 }
 
 /// The same from a plan of the scheme.

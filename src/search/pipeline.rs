@@ -34,7 +34,11 @@ pub(crate) fn best_candidate(context: Context<'_>, warm: &[Plan]) -> Result<Cand
     if let Some(from) = &context.problem.from
         && !from.freedom.positions()
     {
-        return only::best_of_scheme(context, from).ok_or_else(no_schedule);
+        let found = only::best_of_scheme(context, from);
+        return found.ok_or_else(|| match only::fits(context, from) {
+            true => no_schedule(),
+            false => only::does_not_fit(context, from),
+        });
     }
     let found = match IndexTable::new(context.evaluator.test().platform()) {
         Some(table) => best_in(context, &OnTable(table), warm),

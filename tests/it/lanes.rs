@@ -16,6 +16,7 @@ fn written(platform: &PlatformConfig, problem: &SearchProblem, lanes: usize) -> 
         done: None,
         config: StudyConfig::default(),
         defaulted: Vec::new(),
+        done: None,
     };
     let objective = evaluator.objective();
     let document = ResultDocument::new(&outcome, &[], objective, problem.seed, None, &inputs);

@@ -308,6 +308,7 @@ fn analysed(config: &PlatformConfig, schedule: &Schedule) -> (Analysis, Analysis
         done: None,
         config: scheme_opt::internals::config::StudyConfig::default(),
         defaulted: Vec::new(),
+        done: None,
     };
     let document = AnalysisDocument::new(
         &analysis,
