@@ -13,7 +13,6 @@ fn written(platform: &PlatformConfig, problem: &SearchProblem, lanes: usize) -> 
         Evaluator::new(platform.check().unwrap(), Objective::default()).with_most_lanes(lanes);
     let outcome = search(&evaluator, problem, &Control::default()).unwrap();
     let inputs = Inputs {
-        done: None,
         config: StudyConfig::default(),
         defaulted: Vec::new(),
         done: None,

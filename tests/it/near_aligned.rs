@@ -305,7 +305,6 @@ fn analysed(config: &PlatformConfig, schedule: &Schedule) -> (Analysis, Analysis
     let evaluation = evaluator.evaluate(schedule).unwrap();
     let analysis = Analysis::new(&evaluator, schedule, &evaluation).unwrap();
     let inputs = Inputs {
-        done: None,
         config: scheme_opt::internals::config::StudyConfig::default(),
         defaulted: Vec::new(),
         done: None,
