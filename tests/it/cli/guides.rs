@@ -62,12 +62,30 @@ fn as_run(line: &str) -> String {
     }
 }
 
+/// The workbook that a guide shows as a table: every cell as text, with its decimal commas.
+fn workbook(guide: &str) -> Vec<u8> {
+    let mut workbook = rust_xlsxwriter::Workbook::new();
+    let sheet = workbook.add_worksheet();
+    let table = guide.lines().skip_while(|l| !l.starts_with("| Nr. |"));
+    let rows = table.take_while(|l| l.starts_with('|'));
+    let rows = rows.filter(|l| !l.starts_with("|--"));
+    for (row, line) in rows.enumerate() {
+        let cells = line.trim_matches('|').split('|').map(str::trim);
+        for (column, cell) in cells.enumerate() {
+            let (row, column) = (row as u32, column as u16);
+            sheet.write(row, column, cell).unwrap();
+        }
+    }
+    workbook.save_to_buffer().unwrap()
+}
+
 /// Runs a guide from its beginning to its end in one directory, as a reader would. Blocks of TOML
 /// and CSV that begin with the name of a file are that file. Gives how many commands were run.
 fn follow(guide: &Path) -> usize {
     let text = std::fs::read_to_string(guide).unwrap();
     let desk = Desk::new();
     desk.write("mine.csv", SCHEDULE);
+    desk.write("labor.xlsx", workbook(&text));
     let program = assert_cmd::cargo::cargo_bin!("scheme-opt");
     let path = std::env::var("PATH").unwrap();
     let path = format!("{}:{path}", program.parent().unwrap().display());
