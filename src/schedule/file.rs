@@ -254,8 +254,9 @@ pub(crate) type Check<'a, T> = &'a dyn Fn(&Schedule) -> Result<T>;
 pub(crate) fn read_and<T>(path: &Path, check: Check<'_, T>) -> Result<(Schedule, T)> {
     let bytes = text::read_bytes(path, text::MAX_SCHEDULE_BYTES)?;
     let located = |e: Error| match e.line() {
-        Some(_) => e.with_file(path),
-        None => e,
+        // What is about the platform names its own file.
+        Some(_) if e.file().is_none() => e.with_file(path),
+        _ => e,
     };
     if workbook::is_workbook(&bytes) {
         let table = workbook::table(&bytes).map_err(|e| e.with_file(path))?;

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::Desk;
+use super::{Desk, SCHEDULE};
 
 const STAND: &str = "[motion]\nslew_rate_deg_per_s = 1.0\nsettle_s = 20\n\
                      [objective]\ntotal_time_s = 9000\n\
@@ -12,14 +12,7 @@ const STAND: &str = "[motion]\nslew_rate_deg_per_s = 1.0\nsettle_s = 20\n\
 fn schedules_are_compared_in_the_same_time() {
     let desk = Desk::new();
     desk.write("stand.toml", STAND);
-    desk.done(&[
-        "standard",
-        "edges-12",
-        "--total-time-s",
-        "4000",
-        "-o",
-        "mine.csv",
-    ]);
+    desk.write("mine.csv", SCHEDULE);
     let args = [
         "compare",
         "mine.csv",
@@ -33,8 +26,9 @@ fn schedules_are_compared_in_the_same_time() {
     ];
     let shown = desk.done(&args);
     for part in [
-        "mine.csv",
+        "mine.csv +",
         "edges-12 +",
+        "with their dwells in the best order found",
         "faces-12 +",
         "the best order found: a better one may exist",
         "in spec",
@@ -58,6 +52,7 @@ fn schedules_are_compared_in_the_same_time() {
         names,
         [
             ("mine.csv", "as-given"),
+            ("mine.csv", "best-found"),
             ("standard:edges-12", "as-given"),
             ("standard:edges-12", "best-found"),
             ("standard:faces-12", "as-given"),
@@ -66,15 +61,26 @@ fn schedules_are_compared_in_the_same_time() {
     );
     // Cut short, nothing is called the best.
     assert!(!shown.contains("best order:"), "{shown}");
-    for k in [2, 4] {
+    assert_eq!(schedules[1]["order_proof"], "own-dwells");
+    for k in [3, 5] {
         assert_eq!(schedules[k]["order_proof"], "step-limit");
         assert!(schedules[k]["order_steps"].as_u64().unwrap() >= 1000);
     }
-    assert_eq!(schedules[1]["order_proof"], Value::Null);
+    assert_eq!(schedules[2]["order_proof"], Value::Null);
     let rms = |k: usize| schedules[k]["rms_sigma_deg_per_h"].as_f64().unwrap();
-    // Scaled, the file is the scheme itself, but for the triples of its positions.
-    assert!((rms(0) / rms(1) - 1.0).abs() < 0.1);
-    assert!(rms(2) < rms(1) && rms(4) < rms(3));
+    assert!(rms(1) < rms(0) && rms(3) < rms(2) && rms(5) < rms(4));
+    // The dwells went with their positions.
+    let held = |k: usize| -> Vec<(f64, f64)> {
+        let positions = schedules[k]["schedule"]["positions"].as_array().unwrap();
+        let number = |p: &Value, key: &str| p[key].as_f64().unwrap();
+        let mut held: Vec<(f64, f64)> = (positions.iter())
+            .map(|p| (number(p, "dwell_s"), number(p, "alpha_deg")))
+            .collect();
+        held.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        held
+    };
+    let alphas = |k: usize| held(k).into_iter().map(|(_, alpha)| alpha);
+    assert!(alphas(0).eq(alphas(1)), "{:?} {:?}", held(0), held(1));
     for s in schedules {
         let total = s["total_time_s"].as_f64().unwrap();
         assert!(total <= 9000.0 + 1e-6 && total > 8990.0, "{total}");
@@ -82,14 +88,14 @@ fn schedules_are_compared_in_the_same_time() {
         let ratio = s["ratio"].as_f64().unwrap();
         assert!((ratio - s["rms_sigma_deg_per_h"].as_f64().unwrap() / rms(0)).abs() < 1e-12);
     }
-    assert!(schedules[2]["time_to_spec_s"].as_f64().unwrap() < 9000.0);
+    assert!(schedules[3]["time_to_spec_s"].as_f64().unwrap() < 9000.0);
     // The schedule in the document gives the same number again.
-    desk.write("again.json", schedules[2]["schedule"].to_string());
+    desk.write("again.json", schedules[3]["schedule"].to_string());
     let again = desk.done(&["evaluate", "-s", "again.json", "-p", "stand.toml", "--json"]);
     let again: Value = serde_json::from_str(&again).unwrap();
     assert_eq!(
         again["rms_sigma_deg_per_h"],
-        schedules[2]["rms_sigma_deg_per_h"]
+        schedules[3]["rms_sigma_deg_per_h"]
     );
 }
 
