@@ -58,11 +58,22 @@ impl Platform {
             .unwrap_or(nearest(ends[0], ends[1]))
     }
 
+    /// What a gimbal can be set to beside `start`, degrees, angles that are easily set first; on an index
+    /// table that has none of them what is nearest to a turn of 30°.
+    fn angles_of_check(&self, axis: usize, start: f64) -> Vec<f64> {
+        let allowed = |deg: &f64| self.gimbals.refusal(axis, *deg).is_none();
+        let angles = ANGLES_DEG.into_iter().map(|deg| start + deg);
+        let mut angles: Vec<f64> = angles.filter(allowed).collect();
+        if let (true, Some(settings)) = (angles.is_empty(), self.gimbals.settings_deg(axis)) {
+            angles = settings.filter(|deg| *deg != start).collect();
+            let off = |deg: &f64| ((deg - start).abs() - ANGLES_DEG[0]).abs();
+            angles.sort_by(|a, b| off(a).total_cmp(&off(b)));
+        }
+        angles
+    }
+
     fn check_of(&self, start: [f64; 3], gimbal: usize) -> Option<CheckPosition> {
-        let allowed = |axis: usize| {
-            let angles = ANGLES_DEG.into_iter().map(move |deg| start[axis] + deg);
-            angles.filter(move |deg| self.gimbals.refusal(axis, *deg).is_none())
-        };
+        let allowed = |axis: usize| self.angles_of_check(axis, start[axis]).into_iter();
         let shows = |from: [f64; 3], deg: f64| {
             let at = |deg: f64| {
                 let mut angles = from;

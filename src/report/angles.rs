@@ -220,9 +220,9 @@ impl View<'_> {
     /// The platform's axes, the columns of C_c^n.
     fn platform(&self, c: &Matrix3<f64>, length: f64, dash: Dash) -> Drawn {
         let width = if dash == Dash::Solid { 2.2 } else { 1.2 };
-        for axis in 0..3 {
+        for (axis, color) in OF_AXIS.into_iter().enumerate() {
             let tip = c.column(axis) * length;
-            self.arrow(&tip, OF_AXIS[axis].rgb(), width, dash)?;
+            self.arrow(&tip, color.rgb(), width, dash)?;
         }
         Ok(())
     }
@@ -363,10 +363,10 @@ fn moved(
     view.platform(from.matrix(), 0.95, Dash::Dashed)?;
     view.platform(to.matrix(), 0.95, Dash::Solid)?;
     let about = -stand.rotation_axes(&from, before)[gimbal];
-    for axis in 0..3 {
+    for (axis, color) in OF_AXIS.into_iter().enumerate() {
         let tip = from.matrix().column(axis) * 0.86;
         if about.cross(&tip).norm() > 0.1 {
-            view.turn(&tip, &about, deg, OF_AXIS[axis].rgb())?;
+            view.turn(&tip, &about, deg, color.rgb())?;
         }
     }
     view.names(to.matrix(), 0.95)
