@@ -126,7 +126,7 @@ fn what_is_finished_is_kept_and_what_has_changed_is_searched_again() {
     desk.write("a.toml", QUICK);
     desk.write(
         "b.toml",
-        format!("[objective]\ncriterion = \"use\"\nuse = \"flight.csv\"\n[search]\nstarts = 2\nmax_positions = 8\n"),
+        "[objective]\ncriterion = \"use\"\nuse = \"flight.csv\"\n[search]\nstarts = 2\nmax_positions = 8\n",
     );
     let flight = |f: f64| format!("time_s,f_x,f_y,f_z\n0,0.2,1,-0.3\n60,{f},1,0.5\n");
     desk.write("flight.csv", flight(0.5));
