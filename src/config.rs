@@ -245,7 +245,7 @@ impl CheckedConfig {
 mod tests {
     use super::*;
     use crate::drift::DriftCoefficient;
-    use crate::platform::{AxisValue, ErrorTable, GSensitivePrior, OutputAxis};
+    use crate::platform::{AxisValue, ErrorTable, ForbiddenConfig, GSensitivePrior, OutputAxis};
     use crate::testing::assert_refused_by_key;
     use std::collections::BTreeSet;
 
@@ -397,6 +397,9 @@ mod tests {
         gimbals.gamma_deg = Some([0.0, 1.0]);
         gimbals.step_deg = Some(1.0);
         gimbals.axes = Some(["-x", "-y", "-z"].map(str::to_owned));
+        gimbals.forbidden = vec![ForbiddenConfig::new([None, Some([80.0, 100.0]), None])];
+        gimbals.max_winding_deg = Some([720.0; 3]);
+        gimbals.allowed = Some("positions.csv".into());
         c.platform.stand.heading_deg = Some(0.0);
         c.platform.stand.tilt_deg = Some([0.0; 2]);
         let axis = |name: &str| Some(OutputAxis::Named(name.to_owned()));

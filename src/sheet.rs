@@ -8,6 +8,7 @@
 use std::fmt::Write;
 
 use crate::attitude::{NanoDegrees, Position};
+use crate::config::TestConfig;
 use crate::motion::{Leg, Test, Timeline};
 use crate::platform::{Platform, Repositioning};
 use crate::results::TOOL_VERSION;
@@ -154,6 +155,7 @@ pub struct OperatorSheet {
     rows: Vec<SheetRow>,
     planned_for: String,
     winding_deg: [f64; 3],
+    test: TestConfig,
 }
 
 /// Header of the CSV form.
@@ -202,7 +204,19 @@ impl OperatorSheet {
             rows,
             planned_for: planned_for(test.platform()),
             winding_deg: timeline.winding_deg(),
+            test: TestConfig::default(),
         }
+    }
+
+    /// The same, which says whose test it is.
+    pub(crate) fn of_test(self, test: &TestConfig) -> Self {
+        let test = test.clone();
+        Self { test, ..self }
+    }
+
+    /// Whose test it is, as far as anybody said.
+    pub fn test(&self) -> &TestConfig {
+        &self.test
     }
 
     /// The rows in order: start, positions, return.

@@ -313,7 +313,7 @@ impl Study {
     pub fn operator_sheet(&self, schedule: &Schedule) -> Result<OperatorSheet> {
         let test = self.checked.test();
         let timeline = Timeline::new(test, schedule)?;
-        Ok(OperatorSheet::new(test, &timeline))
+        Ok(OperatorSheet::new(test, &timeline).of_test(&self.config().test))
     }
 
     /// The inputs as documents carry them.

@@ -38,9 +38,9 @@ impl Existing {
 /// they say of their test, and when they were written; none where there are none.
 pub(super) fn whose(paths: &[&Path]) -> Option<String> {
     let mut there: Vec<&Path> = paths.iter().copied().filter(|p| p.is_file()).collect();
-    // A document says most.
-    let told = |p: &&Path| titled(p).is_none();
-    there.sort_by_key(told);
+    // A document says most, and a page is the next best.
+    let is_json = |p: &Path| p.extension().is_some_and(|e| e == "json");
+    there.sort_by_key(|p| (titled(p).is_none(), !is_json(p)));
     let first = there.first()?;
     let title = match titled(first) {
         Some(title) => format!("of {title}"),

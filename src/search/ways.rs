@@ -31,11 +31,13 @@ pub(super) fn straight_ways(test: &Test, angles: &[[f64; 3]]) -> Vec<Option<[f64
 }
 
 /// Whether it counts which way a move goes: where moves take time, and where torquers have errors,
-/// which turn ψ by the way itself, in no time too. In frame-hold repositioning it never does.
+/// which turn ψ by the way itself, in no time too. In frame-hold repositioning it does not. And wherever
+/// something stands in the gimbals' way.
 pub(super) fn ways_count(platform: &Platform) -> bool {
     let motion = platform.motion();
     let felt = motion.slew_rate_rad_per_s.is_some() || platform.errors().feels_rates();
-    felt && motion.repositioning == Repositioning::Slew
+    let is_felt = felt && motion.repositioning == Repositioning::Slew;
+    is_felt || platform.obstacles().stop_moves()
 }
 
 /// A way as a schedule has it, degrees.

@@ -3,6 +3,7 @@
 use askama::Template;
 
 use super::typeset_angles;
+use crate::config::TestConfig;
 use crate::error::{Error, Result};
 use crate::report::words;
 use crate::sheet::{FORCE_DECIMALS, OperatorSheet, SheetRow, Stop};
@@ -13,23 +14,26 @@ use crate::wording::h_mm_ss;
 #[template(path = "sheet.html")]
 struct SheetPage {
     title: String,
-    /// To be filled in by hand; the first is wide.
-    fields: &'static [&'static str],
+    /// With what is known of them; the others are filled in by hand. The first is wide.
+    fields: [(&'static str, String); 6],
     planned_for: String,
     notes: Vec<String>,
     rows: Vec<Row>,
     tool_version: &'static str,
 }
 
-/// What is filled in by hand.
-const FIELDS: [&str; 6] = [
-    "Title",
-    "Date",
-    "Platform, serial number",
-    "Stand",
-    "Operator",
-    "Test started at",
-];
+/// Whose test it is; what nobody said is left for the pen.
+fn fields(test: &TestConfig) -> [(&'static str, String); 6] {
+    let said = |text: &Option<String>| text.clone().unwrap_or_default();
+    [
+        ("Title", said(&test.title)),
+        ("Date", String::new()),
+        ("Platform, serial number", said(&test.serial)),
+        ("Stand", said(&test.stand)),
+        ("Operator", said(&test.operator)),
+        ("Test started at", String::new()),
+    ]
+}
 
 /// A row as it is printed.
 struct Row {
@@ -60,7 +64,7 @@ pub fn page(sheet: &OperatorSheet) -> Result<String> {
             1 => format!("Operator's sheet: 1 position, {total}"),
             _ => format!("Operator's sheet: {positions} positions, {total}"),
         },
-        fields: &FIELDS,
+        fields: fields(sheet.test()),
         planned_for: minus(&typeset_angles(sheet.planned_for())),
         notes: notes(sheet, places),
         rows: rows.iter().map(|row| printed(row, places)).collect(),

@@ -102,7 +102,7 @@ fn a_full_disk_leaves_the_previous_results_and_shows_the_new() {
     let run = on_a_small_disk(&desk, 16, &search);
     assert_eq!(run.code, Some(2), "{}", run.stderr);
     // One of the files that are larger than the disk.
-    let large = ["result.json", "report.html", "commands.csv"];
+    let large = ["result.json", "report.html", "sheet.html", "commands.csv"];
     assert!(
         large.iter().any(|name| run.stderr.contains(name)),
         "{}",

@@ -66,6 +66,8 @@ fn results_are_replaced_aloud_or_not_at_all() {
     let desk = desk();
     let run = desk.run(&SEARCH);
     assert!(!run.stderr.contains("replaced"), "{}", run.stderr);
+    let sheet = desk.text("out/sheet.html");
+    assert!(sheet.contains("<dd>Acceptance test</dd>") && sheet.contains("<dd>0012</dd>"));
     let before = desk.text("out/result.json");
     let kept = desk.run(&[&SEARCH[..], &["--no-clobber", "--seed", "2"]].concat());
     kept.refused(&["out/schedule.json", "--no-clobber"]);
@@ -75,7 +77,7 @@ fn results_are_replaced_aloud_or_not_at_all() {
     let said = run.stderr.lines().find(|l| l.starts_with("replaced: "));
     let said = said.unwrap_or_else(|| panic!("{}", run.stderr));
     for part in [
-        "out/result.json and 4 more",
+        "out/result.json and 6 more",
         "Acceptance test; serial 0012",
         " GMT",
     ] {
