@@ -228,9 +228,7 @@ pub(super) fn array_shape(path: &str) -> Option<(usize, &'static str)> {
         "gimbals.alpha_deg" | "gimbals.beta_deg" | "gimbals.gamma_deg"
     ) {
         Some((2, "two numbers [low, high]"))
-    } else if path == "gimbals.max_winding_deg" {
-        Some((3, "three angles [alpha, beta, gamma]"))
-    } else if path == "motion.start_deg" {
+    } else if matches!(path, "gimbals.max_winding_deg" | "motion.start_deg") {
         Some((3, "three angles [alpha, beta, gamma]"))
     } else if path.starts_with("gyro.output_axis.") {
         Some((3, "an axis such as \"-z\", or a unit vector [x, y, z]"))

@@ -16,7 +16,7 @@ pub struct CheckPosition {
 }
 
 /// A reading that differs by less, in g, could be taken for the other one on the stand.
-const SEEN_G: f64 = 0.2;
+const SEEN_G: f64 = 0.1;
 
 /// Angles that are tried, degrees, the first that a gimbal allows; and those of a second gimbal.
 const ANGLES_DEG: [f64; 15] = [
