@@ -32,7 +32,7 @@ fn phi_is_nowhere_above_its_bound() {
     });
     for limited in [false, true] {
         let stand = if limited { &small } else { &free };
-        let directions = Directions::new(&stand);
+        let directions = Directions::new(stand);
         assert_eq!(matches!(directions.allowed, Allowed::Everything), !limited);
         let attitudes = Attitudes::new(&directions, delta);
         for _ in 0..4 {
