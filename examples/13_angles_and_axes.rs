@@ -4,6 +4,8 @@
 //! cargo run --release --example 13_angles_and_axes -- docs/figures
 //! ```
 
+#![allow(clippy::print_stdout, reason = "an example shows its result")]
+
 use std::path::Path;
 
 use scheme_opt::internals::platform::PlatformConfig;
