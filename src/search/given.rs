@@ -1,14 +1,14 @@
 //! The scheme that one has: where a search begins, and what of it stays.
 //!
 //! The scheme is one of the starts, and in the end it stands beside what was found, as it was given:
-//! the result is never worse than it ([`hold_the_promise`]), unless it is beyond the limits that the
-//! search keeps to ([`StartingScheme::beyond`]). Then its nearest allowed form is a start all the same.
+//! the result is never worse than it (`hold_the_promise`), unless it is beyond the limits that the
+//! search keeps to (`StartingScheme::beyond`). Then its nearest allowed form is a start all the same.
 //!
 //! A **pinned** position keeps its angles, as they are written, and its place among the pinned ones;
 //! a pinned first position stays first and a pinned last one last (a single one: first). Dwells are free, no shorter than the shortest
 //! dwell. What is free comes before, between and behind them.
 //!
-//! With a [`Freedom`] of less than everything all positions stay ([`super::only`]).
+//! With a [`Freedom`] of less than everything all positions stay (`super::only`).
 
 use std::fmt;
 
