@@ -87,11 +87,11 @@ impl Mission {
             .comment(Some(b'#'))
             .trim(csv::Trim::All)
             .from_reader(text::without_bom(text).as_bytes());
-        let columns = Columns::of(reader.headers().map_err(unreadable)?)?;
+        let columns = Columns::of(reader.headers().map_err(text::unreadable_csv)?)?;
         let mut instants: Vec<Instant> = Vec::new();
         let mut all_steps = 0_usize;
         for record in reader.records() {
-            let record = record.map_err(unreadable)?;
+            let record = record.map_err(text::unreadable_csv)?;
             let line = record.position().map_or(0, |p| p.line() as usize);
             let instant = columns.instant(&record).map_err(|e| e.with_line(line))?;
             if let Some(last) = instants.last()
@@ -304,16 +304,6 @@ impl Columns {
             force,
             rate,
         })
-    }
-}
-
-/// What the CSV reader did not understand.
-fn unreadable(error: csv::Error) -> Error {
-    let line = error.position().map(|p| p.line() as usize);
-    let found = Error::input(format!("no CSV: {error}")).with_source(error);
-    match line {
-        Some(line) => found.with_line(line),
-        None => found,
     }
 }
 

@@ -37,7 +37,7 @@ fn of_text(text: &str) -> Result<Vec<[f64; 3]>> {
         .trim(csv::Trim::All)
         .delimiter(delimiter.unwrap_or(b','))
         .from_reader(text.as_bytes());
-    let header = reader.headers().map_err(unreadable)?.clone();
+    let header = reader.headers().map_err(text::unreadable_csv)?.clone();
     let place = |name: &&str| {
         header.iter().position(|h| h == *name).ok_or_else(|| {
             Error::input("a column of the list of positions is missing")
@@ -49,7 +49,7 @@ fn of_text(text: &str) -> Result<Vec<[f64; 3]>> {
     let places = COLUMNS.iter().map(place).collect::<Result<Vec<_>>>()?;
     let mut positions = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(unreadable)?;
+        let record = record.map_err(text::unreadable_csv)?;
         let line = record.position().map_or(0, |p| p.line() as usize);
         let mut deg = [0.0; 3];
         for ((angle, place), name) in deg.iter_mut().zip(&places).zip(COLUMNS) {
@@ -77,16 +77,6 @@ fn of_text(text: &str) -> Result<Vec<[f64; 3]>> {
                 .with_value(count)
                 .with_allowed(format!("1 to {MOST_POSITIONS} rows after the header")),
         ),
-    }
-}
-
-/// What the CSV reader did not understand.
-fn unreadable(error: csv::Error) -> Error {
-    let line = error.position().map(|p| p.line() as usize);
-    let found = Error::input(format!("no CSV: {error}")).with_source(error);
-    match line {
-        Some(line) => found.with_line(line),
-        None => found,
     }
 }
 

@@ -95,6 +95,16 @@ pub(crate) fn decode(bytes: Vec<u8>) -> Result<String> {
 
 const BOM: char = '\u{feff}';
 
+/// What the CSV reader did not understand.
+pub(crate) fn unreadable_csv(error: csv::Error) -> Error {
+    let line = error.position().map(|p| p.line() as usize);
+    let found = Error::input(format!("no CSV: {error}")).with_source(error);
+    match line {
+        Some(line) => found.with_line(line),
+        None => found,
+    }
+}
+
 /// `text` without a byte order mark.
 pub(crate) fn without_bom(text: &str) -> &str {
     text.strip_prefix(BOM).unwrap_or(text)
