@@ -397,7 +397,7 @@ fn limits(rng: &mut ChaCha8Rng, c: &mut PlatformConfig) {
         c.motion.repositioning = Repositioning::FrameHold;
     } else {
         if rng.random_bool(0.5) {
-            c.motion.slew_rate_deg_per_s = Some(10.0_f64.powf(rng.random_range(-1.5..1.5)));
+            c.motion.slew_rate_deg_per_s = Some(10.0_f64.powf(rng.random_range(-1.5..1.5)).into());
         }
         c.motion.measure_moves = rng.random_bool(0.2);
     }
@@ -475,14 +475,13 @@ fn random_positions(
         })
         .collect();
     let slews = platform.motion().repositioning == Repositioning::Slew;
-    let table_stands =
-        gimbals.step_rad.is_some() && platform.motion().slew_rate_rad_per_s.is_none();
+    let table_stands = gimbals.step_rad.is_some() && platform.motion().slew.is_none();
     if slews && !table_stands && rng.random_bool(0.5) {
         for p in positions.iter_mut().skip(1) {
             if rng.random_bool(0.5) {
                 p.move_measured = Some(rng.random_bool(0.5));
             }
-            if platform.motion().slew_rate_rad_per_s.is_none() && rng.random_bool(0.5) {
+            if platform.motion().slew.is_none() && rng.random_bool(0.5) {
                 p.move_s = Some(total_time_s / count as f64 * rng.random_range(0.0..0.9));
             }
         }

@@ -12,7 +12,7 @@ use scheme_opt::{
 
 fn main() -> scheme_opt::Result<()> {
     let mut config = StudyConfig::default();
-    config.platform.motion.slew_rate_deg_per_s = Some(1.0);
+    config.platform.motion.slew_rate_deg_per_s = Some(1.0.into());
     config.platform.motion.settle_s = 20.0;
     config.search.max_positions = Some(8);
     config.search.starts = 4;

@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn a_baseline_is_what_its_full_evaluation_says() {
-        let evaluator = evaluator(|c| c.motion.slew_rate_deg_per_s = Some(1.0));
+        let evaluator = evaluator(|c| c.motion.slew_rate_deg_per_s = Some(1.0.into()));
         let all = baselines(&evaluator, 12_000.0);
         assert_eq!(all.len(), StandardScheme::ALL.len());
         for baseline in all {
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_says_why() {
         let slow = evaluator(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.01);
+            c.motion.slew_rate_deg_per_s = Some(0.01.into());
             c.motion.settle_s = 100.0;
         });
         let all = baselines(&slow, 1000.0);

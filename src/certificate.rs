@@ -54,6 +54,7 @@ use crate::criterion::Criterion;
 use crate::drift::{COEFFICIENTS, CoefficientVector, DriftCoefficient, DriftKind};
 use crate::error::{Error, Result};
 use crate::motion::MAX_FILTER_PERIODS;
+use crate::observability::stand::Unseen;
 use crate::platform::Platform;
 use conditions::Conditions;
 use criteria::{Bracket, Problem};
@@ -78,6 +79,8 @@ pub struct Certifier {
     directions: Directions,
     /// Every attitude, where the gimbals are limited.
     unlimited: Option<Directions>,
+    /// What no schedule on the stand can tell.
+    unseen: Option<Unseen>,
 }
 
 /// What no schedule of a given duration can beat by one criterion.
@@ -91,6 +94,9 @@ pub struct CriterionBound {
     /// How information was majorised; none: nothing is measured in so short a test, and the
     /// bound is the prior itself.
     pub majorant: Option<MajorantInUse>,
+    /// Whether it consists of what was known before the test of that which no schedule on this stand can
+    /// tell.
+    pub rests_on_priors: bool,
 }
 
 /// The majorant that a bound rests on.
@@ -132,8 +138,10 @@ impl Certifier {
     pub fn new(platform: &Platform) -> Self {
         let directions = Directions::new(platform);
         let limited = matches!(directions.allowed, Allowed::Cover { .. });
+        let conditions = Conditions::new(platform);
         Self {
-            conditions: Conditions::new(platform),
+            unseen: Unseen::new(platform, &conditions.prior_sigma),
+            conditions,
             directions,
             unlimited: limited.then(Directions::unlimited),
         }
@@ -156,10 +164,40 @@ impl Certifier {
         let (criterion, factor) = criterion.of_the_coefficients();
         let white = self.of_white_noise(&criterion, total_time_s)?;
         let found = self.with_wandering(&criterion, white, total_time_s)?;
+        let found = self.with_priors(&criterion, found);
         Ok(CriterionBound {
             lower_bound: found.lower_bound * factor,
             ..found
         })
+    }
+
+    /// No less than what was known before the test of that which no schedule on this stand can tell.
+    fn with_priors(&self, criterion: &Criterion, found: CriterionBound) -> CriterionBound {
+        let Some(unseen) = &self.unseen else {
+            return found;
+        };
+        let p = unseen.covariance();
+        let variance = match criterion {
+            Criterion::A { weights, .. } => weights.dot(&p.diagonal()) / weights.sum(),
+            Criterion::E => p.symmetric_eigenvalues().max(),
+            Criterion::MaxRatio { spec_deg_per_h, .. } => {
+                let ratios = p.diagonal().component_div(&spec_deg_per_h.map(|s| s * s));
+                ratios.max()
+            }
+            Criterion::Use { weight } => (weight * p).trace(),
+            // The determinant has to do with the rest as well.
+            Criterion::D => return found,
+        };
+        let lower_bound = variance.max(0.0).sqrt() * (1.0 - MARGIN);
+        match lower_bound > found.lower_bound {
+            true => CriterionBound {
+                lower_bound,
+                equivalence_gap: 0.0,
+                majorant: found.majorant,
+                rests_on_priors: true,
+            },
+            false => found,
+        }
     }
 
     /// As if nothing wandered. `criterion` is of the twelve coefficients.
@@ -169,6 +207,7 @@ impl Certifier {
                 lower_bound: 0.0,
                 equivalence_gap: 0.0,
                 majorant: None,
+                rests_on_priors: false,
             });
         }
         let mut best: Option<CriterionBound> = None;
@@ -243,7 +282,13 @@ impl Certifier {
     pub fn sigma_bounds(&self, total_time_s: f64) -> Result<CoefficientVector> {
         self.check(total_time_s)?;
         let white = self.sigma_of_white_noise(total_time_s)?;
-        Ok(self.sigma_with_wandering(white, total_time_s))
+        let found = self.sigma_with_wandering(white, total_time_s);
+        let Some(unseen) = &self.unseen else {
+            return Ok(found);
+        };
+        let left = unseen.covariance().diagonal();
+        let sigma = |i: usize| left[i].sqrt() * (1.0 - MARGIN);
+        Ok(CoefficientVector::from_fn(|i, _| found[i].max(sigma(i))))
     }
 
     fn sigma_of_white_noise(&self, total_time_s: f64) -> Result<CoefficientVector> {
@@ -370,6 +415,7 @@ impl Certifier {
             lower_bound,
             equivalence_gap: 0.0,
             majorant: None,
+            rests_on_priors: false,
         })
     }
 
@@ -429,7 +475,9 @@ impl Certifier {
             let remarks = [Remark::OnlyOthers].into_iter();
             return remarks.chain(self.taken_as_known(criterion)).collect();
         }
+        let on_priors = self.unseen.as_ref().filter(|_| bound.rests_on_priors);
         let weak = match bound.majorant.map(|m| m.kind) {
+            _ if on_priors.is_some() => on_priors.map(Remark::on_priors),
             _ if bound.lower_bound == 0.0 && known_wanders => Some(Remark::KnownAndWanders),
             None if bound.lower_bound > 0.0 => Some(Remark::PriorItself),
             None => Some(Remark::NoMajorant),
@@ -446,7 +494,7 @@ impl Certifier {
         weak.into_iter()
             .chain(self.taken_as_known(criterion))
             .chain(on_table.then_some(Remark::IndexTable))
-            .chain(at_pole.then_some(Remark::Pole))
+            .chain((at_pole && on_priors.is_none()).then_some(Remark::Pole))
             .collect()
     }
 }
@@ -492,6 +540,7 @@ fn finish(
             0.0
         },
         majorant: Some(majorant),
+        rests_on_priors: false,
     })
 }
 

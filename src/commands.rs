@@ -36,7 +36,7 @@ use serde::Serialize;
 use crate::attitude::{Attitude, Position, Stand};
 use crate::config::TestConfig;
 use crate::error::{Error, Result};
-use crate::motion::{Leg, Timeline};
+use crate::motion::{Leg, Move, Timeline};
 use crate::platform::Platform;
 use crate::suspicion::WarningRecord;
 use crate::units::{Angle, AngularRate};
@@ -109,7 +109,7 @@ impl Command {
 /// use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 ///
 /// let mut config = PlatformConfig::default();
-/// config.motion.slew_rate_deg_per_s = Some(0.5);
+/// config.motion.slew_rate_deg_per_s = Some(0.5.into());
 /// let test = Test::from(config.check()?);
 /// let platform = test.platform();
 /// let schedule = Schedule::new(vec![
@@ -358,6 +358,9 @@ impl CommandDocument {
     }
 }
 
+/// Rows of constant rate, at least, that speeding up is told in.
+const ROWS_OF_A_RAMP: f64 = 4.0;
+
 struct TableBuilder {
     earth_rate_n: Vector3<f64>,
     stand: Stand,
@@ -381,10 +384,8 @@ impl TableBuilder {
                 false => Segment::Move,
             };
             let turn = m.slowest_axis().1;
-            let steps = match m.duration_s > 0.0 {
-                true => (turn / self.step - 1e-9).ceil().max(1.0) as usize,
-                false => 1,
-            };
+            let rows = self.rows(m);
+            let steps = rows.len();
             // A move to where the platform is already, in no time, is nothing to command.
             if m.duration_s > 0.0 || turn > 0.0 {
                 // The move without its whole turns; its ends are those of its neighbours to the bit.
@@ -392,13 +393,13 @@ impl TableBuilder {
                     0 => from,
                     k if k == steps => here,
                     k => {
-                        let angles = m.angles_at(k as f64 / steps as f64);
+                        let angles = m.angles_at(rows[k - 1].0);
                         std::array::from_fn(|i| angles[i] + (from[i] - m.from[i]))
                     }
                 };
                 for k in 0..steps {
                     let command = (segment, position, m.measured);
-                    self.push(at(k), at(k + 1), m.duration_s / steps as f64, command);
+                    self.push(at(k), at(k + 1), rows[k].1, command);
                 }
             }
         }
@@ -411,6 +412,29 @@ impl TableBuilder {
                 self.push(here, here, duration_s, command);
             }
         }
+    }
+
+    /// The rows of a move: where each ends, as a share of the duration, and how long it is, s. None turns
+    /// further than a step, and where the gimbals speed up or slow down there are several.
+    fn rows(&self, m: &Move) -> Vec<(f64, f64)> {
+        if m.duration_s <= 0.0 {
+            return vec![(1.0, 0.0)];
+        }
+        let turn = m.slowest_axis().1;
+        let mut all = Vec::new();
+        for (start, length) in m.smooth_parts((0.0, 1.0), 1.0) {
+            let middle = start + 0.5 * length;
+            let least = match middle < m.ramp() || middle > 1.0 - m.ramp() {
+                true => ROWS_OF_A_RAMP,
+                false => 1.0,
+            };
+            let speed = m.greatest_speed((start, length));
+            let rows = (turn * length * speed / self.step - 1e-9).ceil().max(least);
+            let duration_s = m.duration_s * length / rows;
+            let ends = (1..=rows as usize).map(|k| start + length * k as f64 / rows);
+            all.extend(ends.map(|end| (end, duration_s)));
+        }
+        all
     }
 
     fn push(

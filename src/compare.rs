@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn a_better_order_is_the_same_positions_in_the_same_time() {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(1.0);
+        config.motion.slew_rate_deg_per_s = Some(1.0.into());
         config.motion.settle_s = 15.0;
         let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
         let terms = Terms {

@@ -418,7 +418,8 @@ mod tests {
         let errors = &mut c.platform.errors;
         errors.estimated = every_error();
         errors.considered = every_error();
-        c.platform.motion.slew_rate_deg_per_s = Some(1.0);
+        c.platform.motion.slew_rate_deg_per_s = Some(1.0.into());
+        c.platform.motion.acceleration_deg_per_s2 = Some(1.0.into());
         c.platform.motion.start_deg = Some([0.0; 3]);
         c.objective.spec_deg_per_h = PerCoefficient {
             default: Some(1.0),

@@ -44,7 +44,7 @@ use crate::drift::{CoefficientMatrix, CoefficientVector, DriftMatrix};
 use crate::dynamics::ErrorDynamics;
 use crate::error::Error;
 use crate::model::{Colour, ErrorModel, Mounting};
-use crate::platform::Platform;
+use crate::platform::{Platform, SlewLimits};
 use crate::units::{ARCSEC_PER_RAD, Angle, AngularRate};
 use coloured::kernel::KeptKernels;
 use fast::arithmetic::MOST_LANES;
@@ -127,6 +127,8 @@ pub struct CovarianceModel {
     pub(crate) earth_rate_n: Vector3<f64>,
     /// Whether a change of position keeps ψ in the platform frame instead of in n.
     pub(crate) frame_hold: bool,
+    /// How fast the gimbals turn.
+    slew: Option<SlewLimits>,
     /// Of what ψ_x and ψ_z tell.
     pub(crate) kernels: KernelTable,
     /// Of what the azimuth tells too, where it is measured.
@@ -171,6 +173,7 @@ impl CovarianceModel {
             azimuth_variance,
             earth_rate_n: platform.earth_rate_n,
             frame_hold: platform.motion.repositioning == crate::platform::Repositioning::FrameHold,
+            slew: platform.motion.slew,
             kernels: KernelTable::new(dynamics, platform.period_s, drift_psd, noise_variance),
             most_lanes: MOST_LANES,
             coloured: None,

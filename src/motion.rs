@@ -1,8 +1,9 @@
 //! From a schedule to a timeline: moves between positions, their duration and drift integral.
 //!
-//! In `slew` repositioning the gimbal angles move linearly in time and arrive together; the
-//! duration is the largest angle change divided by the slew rate (zero when no rate is given),
-//! and a settle time follows every unmeasured move. Unlimited gimbals take the short way round,
+//! In `slew` repositioning all gimbals go through the same share of their way at the same time and
+//! arrive together, as quickly as the rate and the acceleration of each allow
+//! ([`crate::platform::SlewLimits`]; in no time when no rate is given), and a settle time follows every
+//! unmeasured move. Unlimited gimbals take the short way round,
 //! ties positive, unless the schedule says another way (`change_deg`); limited ones go straight,
 //! and so stay inside their ranges. While the platform moves the drift still
 //! integrates: Δψ^n = ∫ Φ(t_end − t) A(R(t)) dt · D ([`Move::drift_integral`]).
@@ -18,6 +19,7 @@
 mod clear;
 mod equivalents;
 pub(crate) mod integral;
+mod profile;
 mod scaled;
 mod test;
 mod way;
@@ -27,9 +29,9 @@ pub use crate::schedule::periods::MAX_FILTER_PERIODS;
 
 use std::ops::Range;
 
-pub(crate) use clear::{clear_way, clear_ways};
+pub(crate) use clear::{clear_way, clear_ways, unit_s};
 pub(crate) use equivalents::quickest_positions_but;
-pub(crate) use equivalents::slowest_turn_rad;
+pub(crate) use equivalents::way_length;
 pub use equivalents::{equivalent_positions, quickest_positions};
 pub use test::Test;
 use way::check_way;
@@ -45,7 +47,7 @@ use crate::schedule::{Schedule, ScheduledPosition};
 /// Angles closer than this, half of the last place that files carry, are the same.
 const SAME_ANGLE_DEG: f64 = 0.5e-9;
 
-/// A change of position: angles linear in time.
+/// A change of position: all gimbals through the same share of their way at the same time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Move {
     /// (α, β, γ) at the start, rad.
@@ -57,6 +59,8 @@ pub struct Move {
     pub duration_s: f64,
     /// Whether the filter measures meanwhile.
     pub measured: bool,
+    /// Share of the duration in which the gimbals speed up, and again slow down.
+    ramp: f64,
     /// `from` without whole turns, of a move that takes time: a search asks for it again and again.
     reduced_from: Option<[f64; 3]>,
 }
@@ -69,8 +73,14 @@ impl Move {
             change,
             duration_s,
             measured,
+            ramp: 0.0,
             reduced_from: (duration_s > 0.0).then(|| from.map(wrap_half_turn)),
         }
+    }
+
+    /// The same of gimbals that speed up, and again slow down, for a share of the duration.
+    pub(crate) const fn with_ramp(self, ramp: f64) -> Self {
+        Self { ramp, ..self }
     }
 
     /// The same in another time, s.
@@ -78,16 +88,22 @@ impl Move {
         Self { duration_s, ..self }
     }
 
-    /// (α, β, γ) at the `fraction` 0..1 of the move, rad.
+    /// (α, β, γ) at the share `fraction` 0..1 of the duration, rad.
     pub fn angles_at(&self, fraction: f64) -> [f64; 3] {
-        std::array::from_fn(|i| self.from[i] + fraction * self.change[i])
+        let done = self.done_at(fraction);
+        std::array::from_fn(|i| self.from[i] + done * self.change[i])
     }
 
-    /// The position at the `fraction` 0..1 of the move, without the whole turns of its start: the
+    /// The position at the share `fraction` 0..1 of the duration, without the whole turns of its start: the
     /// same whatever turn the start is written in.
     pub fn position_at(&self, fraction: f64) -> Position {
+        self.position_after(self.done_at(fraction))
+    }
+
+    /// The same where the share `done` 0..1 of the way is done.
+    pub(crate) fn position_after(&self, done: f64) -> Position {
         let from = self.reduced_from();
-        Position::from_array(std::array::from_fn(|i| from[i] + fraction * self.change[i]))
+        Position::from_array(std::array::from_fn(|i| from[i] + done * self.change[i]))
     }
 
     /// (α, β, γ) at the start without whole turns, rad.
@@ -173,7 +189,7 @@ impl Timeline {
     /// # Errors
     ///
     /// [`Error::is_input`] when a position lies outside a gimbal's range or off the index table,
-    /// a `change_deg` does not lead to its position or leaves a range, a `move_s` would exceed the slew rate or is given in frame-hold repositioning, or the
+    /// a `change_deg` does not lead to its position or leaves a range, a `move_s` would exceed a rate or an acceleration or is given in frame-hold repositioning, or the
     /// test is longer than the filter can be stepped through ([`MAX_FILTER_PERIODS`]).
     pub fn new(test: &Test, schedule: &Schedule) -> Result<Self> {
         let platform = test.platform();
@@ -346,15 +362,19 @@ impl Timeline {
                 // What is left of a change by rounding angles is none: at a hundredth of a degree a
                 // second it would take longer than the slack that times are compared with.
                 let moves = way.iter().any(|c| c.deg().abs() > SAME_ANGLE_DEG);
-                match motion.slew_rate_rad_per_s {
-                    Some(rate) if moves => slowest_axis(&change).1 / rate,
+                match motion.slew {
+                    Some(slew) if moves => slew.shortest_s(&change),
                     _ => 0.0,
                 }
             }),
             Repositioning::FrameHold => 0.0,
         };
         let measured = p.move_measured.unwrap_or(motion.measure_moves);
-        Move::new(from.position.to_array(), change, duration_s, measured)
+        let arrival = Move::new(from.position.to_array(), change, duration_s, measured);
+        match motion.slew {
+            Some(slew) if duration_s > 0.0 => arrival.with_ramp(slew.ramp(&change, duration_s)),
+            _ => arrival,
+        }
     }
 
     /// One leg, unchecked.
@@ -441,15 +461,20 @@ fn check_move(platform: &Platform, index: usize, p: &ScheduledPosition, leg: &Le
                 .with_allowed("0, or motion.repositioning = \"slew\""),
         );
     }
-    if let Some(rate) = platform.motion.slew_rate_rad_per_s {
-        let shortest = m.slowest_axis().1 / rate;
+    if let Some(slew) = platform.motion.slew {
+        let shortest = slew.shortest_s(&m.change);
         if move_s < shortest * (1.0 - 1e-9) {
-            return Err(
-                Error::input("the move would exceed motion.slew_rate_deg_per_s")
-                    .with_key(key)
-                    .with_value(move_s)
-                    .with_allowed(format!("{shortest:.3} or more")),
-            );
+            let what = match slew.acceleration_rad_per_s2 {
+                None => "the move would exceed motion.slew_rate_deg_per_s",
+                Some(_) => {
+                    "the move would exceed motion.slew_rate_deg_per_s or \
+                     motion.acceleration_deg_per_s2"
+                }
+            };
+            return Err(Error::input(what)
+                .with_key(key)
+                .with_value(move_s)
+                .with_allowed(format!("{shortest:.3} or more")));
         }
     }
     Ok(())
@@ -483,7 +508,7 @@ mod tests {
             (Some([5.0; 3]), true, false),
         ] {
             let platform = platform(|c| {
-                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.slew_rate_deg_per_s = Some(0.7.into());
                 c.motion.settle_s = 30.0;
                 c.motion.measure_moves = measured;
                 c.motion.start_deg = start;
@@ -541,7 +566,7 @@ mod tests {
     #[test]
     fn total_time_counts_moves_and_settles_but_nothing_before_the_first_position() {
         let p = platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.settle_s = 30.0;
         });
         let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0], [10.0, 80.0, 20.0]]);
@@ -550,7 +575,7 @@ mod tests {
         assert!((t.total_time_s() - (300.0 + 120.0 + 60.0)).abs() < 1e-9);
         assert!((t.overhead_s() - 180.0).abs() < 1e-9);
         let measured = platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.settle_s = 30.0;
             c.motion.measure_moves = true;
         });
@@ -563,7 +588,7 @@ mod tests {
         let s = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
         let total = |start_deg: Option<[f64; 3]>, return_to_start: bool| {
             let p = platform(|c| {
-                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.slew_rate_deg_per_s = Some(0.5.into());
                 c.motion.settle_s = 30.0;
                 c.motion.start_deg = start_deg;
                 c.motion.return_to_start = return_to_start;
@@ -589,7 +614,7 @@ mod tests {
     #[test]
     fn nothing_is_measured_on_the_way_back() {
         let p = platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.measure_moves = true;
             c.motion.return_to_start = true;
         });
@@ -603,7 +628,7 @@ mod tests {
     #[test]
     fn what_was_done_before_counts_as_overhead() {
         let p = platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.settle_s = 30.0;
         });
         let done = schedule(&[[10.0, 20.0, 30.0], [10.0, 80.0, 20.0]]);
@@ -619,7 +644,7 @@ mod tests {
     fn what_the_platform_cannot_do_is_refused_by_key() {
         let p = platform(|c| {
             c.gimbals.beta_deg = Some([-60.0, 60.0]);
-            c.motion.slew_rate_deg_per_s = Some(1.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
         });
         let s = schedule(&[[0.0, 0.0, 0.0], [0.0, 61.0, 0.0]]);
         let error = Timeline::new(&p.clone().into(), &s).unwrap_err();

@@ -41,6 +41,7 @@ pub mod separability;
 mod singular;
 pub mod solution;
 mod sparse;
+pub(crate) mod stand;
 pub mod weak;
 
 use crate::covariance::CovarianceModel;

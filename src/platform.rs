@@ -22,6 +22,7 @@ mod colour;
 mod errors;
 mod gimbals;
 mod obstacles;
+mod slew;
 mod stand;
 pub use axis_value::{AxisValue, GSensitivePrior};
 pub use check::CheckPosition;
@@ -30,6 +31,7 @@ pub(crate) use gimbals::multiples;
 pub use gimbals::{GimbalRange, Gimbals};
 pub use obstacles::ForbiddenConfig;
 pub(crate) use obstacles::Obstacles;
+pub use slew::SlewLimits;
 pub use stand::StandConfig;
 
 /// Where the test stands.
@@ -156,8 +158,8 @@ pub struct GimbalsConfig {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Repositioning {
-    /// The gimbal angles move linearly in time and arrive together; ψ^n is continuous and the
-    /// drift integrates through the move.
+    /// All gimbals go through the same share of their way at the same time, and arrive together; ψ^n is
+    /// continuous and the drift integrates through the move.
     #[default]
     Slew,
     /// The paper's simulation: zero time, ψ in the platform frame is kept,
@@ -173,9 +175,12 @@ pub enum Repositioning {
 pub struct MotionConfig {
     /// Model of the change of position.
     pub repositioning: Repositioning,
-    /// Slew rate of each gimbal, °/s; none: moves take no time.
+    /// Slew rate, °/s, of all gimbals or `[α, β, γ]`; none: moves take no time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub slew_rate_deg_per_s: Option<f64>,
+    pub slew_rate_deg_per_s: Option<AxisValue>,
+    /// Acceleration, °/s², of all gimbals or `[α, β, γ]`; none: they are at their rate at once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration_deg_per_s2: Option<AxisValue>,
     /// Settling time after every unmeasured move, s.
     pub settle_s: f64,
     /// Whether the filter keeps measuring during moves.
@@ -255,6 +260,7 @@ impl Default for MotionConfig {
         Self {
             repositioning: Repositioning::Slew,
             slew_rate_deg_per_s: None,
+            acceleration_deg_per_s2: None,
             settle_s: 0.0,
             measure_moves: false,
             min_dwell_s: 60.0,
@@ -269,8 +275,8 @@ impl Default for MotionConfig {
 pub struct Motion {
     /// Model of the change of position.
     pub repositioning: Repositioning,
-    /// Slew rate of each gimbal, rad/s; none: moves take no time.
-    pub slew_rate_rad_per_s: Option<f64>,
+    /// How fast the gimbals turn; none: moves take no time.
+    pub slew: Option<SlewLimits>,
     /// Settling time after every unmeasured move, s.
     pub settle_s: f64,
     /// Whether the filter keeps measuring during moves.
@@ -564,22 +570,9 @@ impl GimbalsConfig {
 
 impl MotionConfig {
     fn check(&self, gimbals: &Gimbals, obstacles: &Obstacles) -> Result<Motion> {
-        let slew_rate_rad_per_s = self
-            .slew_rate_deg_per_s
-            .map(|rate| {
-                in_range(
-                    "motion.slew_rate_deg_per_s",
-                    rate,
-                    1e-6,
-                    1e6,
-                    "1e-6 to 1e6, or left out: moves take no time",
-                )
-            })
-            .transpose()?
-            .map(|rate| AngularRate::from_deg_per_s(rate).rad_per_s());
         Ok(Motion {
             repositioning: self.repositioning,
-            slew_rate_rad_per_s,
+            slew: SlewLimits::check(self.slew_rate_deg_per_s, self.acceleration_deg_per_s2)?,
             settle_s: in_range("motion.settle_s", self.settle_s, 0.0, 1e6, "0 to 1e6")?,
             measure_moves: self.measure_moves,
             min_dwell_s: in_range("motion.min_dwell_s", self.min_dwell_s, 0.0, 1e6, "0 to 1e6")?,
@@ -695,7 +688,7 @@ mod tests {
             }),
             ("gimbals.step_deg", |c| c.gimbals.step_deg = Some(0.0)),
             ("motion.slew_rate_deg_per_s", |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.0);
+                c.motion.slew_rate_deg_per_s = Some(0.0.into());
             }),
             ("motion.settle_s", |c| c.motion.settle_s = -1.0),
             ("motion.min_dwell_s", |c| c.motion.min_dwell_s = f64::NAN),

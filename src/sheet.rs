@@ -158,6 +158,15 @@ pub struct OperatorSheet {
     test: TestConfig,
 }
 
+/// Of rad what is one number of degrees where it is the same for all axes, or else three.
+fn of_axes(rad: [f64; 3]) -> String {
+    let deg = rad.map(|rad| decimals(round_deg(Angle::from_rad(rad).deg()), 6));
+    match deg.iter().all(|d| *d == deg[0]) {
+        true => deg[0].clone(),
+        false => deg.join(", "),
+    }
+}
+
 /// Header of the CSV form.
 const HEADER: &str = "done,position,move_starts,dwell_starts,wait_until,\
     alpha_deg,beta_deg,gamma_deg,alpha_wrapped_deg,beta_wrapped_deg,gamma_wrapped_deg,\
@@ -313,12 +322,14 @@ fn planned_for(platform: &Platform) -> String {
     if words.is_empty() {
         words.push("all gimbals unlimited".to_owned());
     }
-    words.push(match (motion.repositioning, motion.slew_rate_rad_per_s) {
+    words.push(match (motion.repositioning, motion.slew) {
         (Repositioning::FrameHold, _) => "frame-hold, moves take no time".to_owned(),
         (Repositioning::Slew, None) => "moves take no time".to_owned(),
-        (Repositioning::Slew, Some(rate)) => {
-            let deg_per_s = round_deg(Angle::from_rad(rate).deg());
-            format!("moves at {} deg/s", decimals(deg_per_s, 6))
+        (Repositioning::Slew, Some(slew)) => {
+            let rates = of_axes(slew.rate_rad_per_s);
+            let accelerations = slew.acceleration_rad_per_s2.map(of_axes);
+            let speeding_up = accelerations.map(|a| format!(", speeding up at {a} deg/s2"));
+            format!("moves at {rates} deg/s{}", speeding_up.unwrap_or_default())
         }
     });
     if motion.settle_s > 0.0 {

@@ -24,7 +24,7 @@ use crate::motion::Timeline;
 use crate::observability::named::{PlatformAxis, Remedy};
 use crate::platform::Repositioning;
 use crate::schedule::{Schedule, ScheduledPosition};
-use crate::units::{AngularRate, round_deg};
+use crate::units::{Angle, AngularRate, round_deg};
 use crate::wording::{listed, number, seconds};
 
 /// Distance of the attitudes that are tried, degrees.
@@ -501,11 +501,16 @@ impl<'a> Search<'a> {
     ) -> (Vec<ScheduledPosition>, Turn) {
         let platform = self.evaluator.test().platform();
         let from = start.unwrap_or(last);
-        let slew = platform.motion().slew_rate_rad_per_s;
-        let rate_deg_per_s = slew.map_or(RATE_DEG_PER_S, |rate| {
-            AngularRate::from_rad_per_s(rate).deg_per_s()
+        let slew = platform.motion().slew;
+        let mut change = [0.0; 3];
+        change[axis] = degrees;
+        let rate_deg_per_s = slew.map_or(RATE_DEG_PER_S, |slew| {
+            AngularRate::from_rad_per_s(slew.rate_rad_per_s[axis]).deg_per_s()
         });
-        let move_s = degrees.abs() / rate_deg_per_s;
+        let move_s = match slew {
+            Some(slew) => slew.shortest_s(&change.map(|deg| Angle::from_deg(deg).rad())),
+            None => degrees.abs() / rate_deg_per_s,
+        };
         // The turn is part of the time that is added.
         let period = platform.period_s();
         let parts = if start.is_some() { 2.0 } else { 1.0 };
@@ -517,8 +522,6 @@ impl<'a> Search<'a> {
         if range.is_none() {
             to[axis] = Degrees::new(to[axis]).wrapped().deg();
         }
-        let mut change = [0.0; 3];
-        change[axis] = degrees;
         let mut positions = Vec::new();
         positions.extend(start.map(|start| ScheduledPosition::new(start, dwell_s)));
         positions.push(ScheduledPosition {

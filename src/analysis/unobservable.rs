@@ -7,29 +7,23 @@
 //! [`USEFUL`] times smaller by way of what it is mixed with, stays unobservable; within its
 //! specification it is nobody's concern.
 //!
-//! Of a **stand** the space is that of all attitudes that it can take, and pass on the way. The
-//! entries of A are trigonometric polynomials of degree 2 in each angle (A is linear in C_c^n and
-//! in the specific force, each of degree 1). Such a polynomial is zero on an interval only if it is
-//! zero everywhere, and five different angles determine it: a gimbal that turns at all spans what
-//! five angles around the circle span, one that does not turn what its one angle does. So the space
-//! is exact, and what lies outside it no schedule on this stand can observe, whatever its positions
-//! and its time.
+//! Of a **stand** the space is that of all attitudes that it can take, and pass on the way
+//! ([`crate::observability::stand`]): what lies outside it no schedule on this stand can observe, whatever
+//! its positions and its time.
 
-use std::f64::consts::TAU;
 use std::fmt;
 
-use crate::attitude::{EAST, NORTH, NanoDegrees, Position, UP};
-use crate::covariance::CovarianceModel;
-use crate::drift::{COEFFICIENTS, DriftCoefficient, DriftMatrix};
+use crate::attitude::UP;
+use crate::drift::{COEFFICIENTS, DriftCoefficient};
 use crate::error::Result;
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::motion::Timeline;
 use crate::observability::Combination;
 use crate::observability::regressor::{Channel, Regressor, UNKNOWNS};
 use crate::observability::row_space::{RowSpace, unit};
-use crate::platform::{Platform, Repositioning};
+use crate::observability::stand::rows_of_stand;
+use crate::platform::Platform;
 use crate::schedule::Schedule;
-use crate::units::RAD_PER_DEG;
 
 /// A σ that is this part of the prior's is an improvement, whatever the row space says.
 pub const USEFUL: f64 = 0.1;
@@ -87,11 +81,11 @@ impl Unobservable {
         if missed.is_empty() {
             return Ok(Self::default());
         }
-        let observable = space(rows_of_stand(platform, model));
+        let observable = space(rows_of_stand(platform));
         let accepts = |c: &DriftCoefficient| evaluator.objective().accept_unobservable[c.index()];
         // What only ω_N ψ_y(0) stands in the way of is known through the prior of the misalignment
         // by a schedule with enough positions: the stand is not to blame.
-        let mut with_azimuth = rows_of_stand(platform, model);
+        let mut with_azimuth = rows_of_stand(platform);
         with_azimuth.push(unit(COEFFICIENTS));
         let reachable = space(with_azimuth);
         let hopeless = |c: &DriftCoefficient| !reachable.contains(&unit(c.index()));
@@ -185,74 +179,12 @@ fn known(platform: &Platform) -> Vec<[f64; UNKNOWNS]> {
     coefficients.chain(azimuth).map(unit).collect()
 }
 
-/// Rows that span what any schedule on this stand can observe, see the module text.
-fn rows_of_stand(platform: &Platform, model: &CovarianceModel) -> Vec<[f64; UNKNOWNS]> {
-    let [alphas, betas, gammas] = [0, 1, 2].map(|axis| angles(platform, axis));
-    let azimuth = model.omega_north() != 0.0;
-    let measured = model.azimuth_variance.is_some();
-    let mut rows = Vec::new();
-    let mut add = |a: &DriftMatrix, channel: usize, weight: f64| {
-        rows.push(std::array::from_fn(|j| match j {
-            COEFFICIENTS => weight,
-            _ => a[(channel, j)],
-        }));
-    };
-    for &alpha in &alphas {
-        for &beta in &betas {
-            for &gamma in &gammas {
-                let at = model.stand.attitude(Position::from_rad(alpha, beta, gamma));
-                let a = model.drift_matrix(&at);
-                add(&a, NORTH, 0.0);
-                add(&a, EAST, if azimuth { -1.0 } else { 0.0 });
-                if azimuth || measured {
-                    add(&a, UP, 0.0);
-                }
-            }
-        }
-    }
-    let frame_hold = platform.motion().repositioning == Repositioning::FrameHold;
-    if azimuth && (frame_hold || measured) {
-        // In frame-hold repositioning a change of position can show ψ_y by itself.
-        rows.push(unit(COEFFICIENTS));
-    }
-    rows
-}
-
-/// Angles of an axis, rad, whose attitudes span what all that it can take span.
-fn angles(platform: &Platform, axis: usize) -> Vec<f64> {
-    /// So many determine a trigonometric polynomial of degree 2.
-    const ENOUGH: usize = 5;
-    let gimbals = platform.gimbals();
-    let all_around = || {
-        (0..ENOUGH)
-            .map(|k| TAU * k as f64 / ENOUGH as f64)
-            .collect()
-    };
-    let fixed = |low: f64, high: f64| high <= low;
-    let Some(settings) = gimbals.settings_deg(axis) else {
-        return match gimbals.ranges[axis] {
-            Some(r) if fixed(r.low_rad, r.high_rad) => vec![r.low_rad],
-            _ => all_around(),
-        };
-    };
-    let mut turns: Vec<NanoDegrees> = Vec::new();
-    for setting in settings.map(|deg| NanoDegrees::nearest(deg).wrapped()) {
-        if turns.len() < ENOUGH && !turns.contains(&setting) {
-            turns.push(setting);
-        }
-    }
-    let settings: Vec<f64> = turns.iter().map(|turn| turn.deg() * RAD_PER_DEG).collect();
-    // A slew passes all angles between its ends.
-    match platform.motion().repositioning {
-        Repositioning::Slew if settings.len() > 1 => all_around(),
-        _ => settings,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
-    use crate::drift::drift_matrix;
+    use crate::attitude::Position;
     use crate::evaluate::Objective;
     use crate::platform::PlatformConfig;
     use crate::schedule::ScheduledPosition;
@@ -328,54 +260,6 @@ mod tests {
         assert!(accepted.is_acceptable());
         assert_eq!(accepted.accepted, many.on_this_stand);
         assert_eq!(accepted.combinations, many.combinations);
-    }
-
-    /// The space of the stand is that of many attitudes drawn within its ranges.
-    #[test]
-    fn five_angles_of_an_axis_span_what_all_do() {
-        for (alpha, beta, step) in [
-            (None, None, None),
-            (Some([20.0, 20.0]), None, None),
-            (Some([20.0, 60.0]), Some([-30.0, -30.0]), None),
-            (Some([0.0, 0.0]), Some([90.0, 90.0]), None),
-            (None, Some([0.0, 0.0]), Some(90.0)),
-            (Some([0.0, 0.0]), Some([80.0, 100.0]), Some(90.0)),
-        ] {
-            let stand = evaluator(
-                |c| {
-                    c.gimbals.alpha_deg = alpha;
-                    c.gimbals.beta_deg = beta;
-                    c.gimbals.step_deg = step;
-                },
-                Objective::default(),
-            );
-            let (platform, model) = (stand.test().platform(), stand.model());
-            let space = RowSpace::of(&rows_of_stand(platform, model));
-            let mut rows = Vec::new();
-            for k in 0..400 {
-                let k = f64::from(k);
-                let angles = [alpha, beta, None].map(|range| match range {
-                    // With a step, moves pass everything between the settings.
-                    Some([low, high]) if step.is_none() => {
-                        low + (high - low) * (k * 0.618_034).fract()
-                    }
-                    Some([low, high]) => 0.5 * (low + high),
-                    None => 360.0 * (k * (0.754_878 + 0.01 * k)).fract(),
-                });
-                let a =
-                    drift_matrix(&Position::from_deg(angles[0], angles[1], angles[2]).attitude());
-                for (axis, azimuth) in [(NORTH, 0.0), (EAST, -1.0), (UP, 0.0)] {
-                    let row: [f64; UNKNOWNS] = std::array::from_fn(|j| match j {
-                        COEFFICIENTS => azimuth,
-                        _ => a[(axis, j)],
-                    });
-                    assert!(space.contains(&row), "{alpha:?} {beta:?} {step:?}");
-                    rows.push(row);
-                }
-            }
-            let drawn = RowSpace::of(&rows);
-            assert_eq!(drawn.rank(), space.rank(), "{alpha:?} {beta:?} {step:?}");
-        }
     }
 
     #[test]

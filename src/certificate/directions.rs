@@ -135,7 +135,7 @@ impl Directions {
         let sphere = Sphere::new(SPACING);
         // A move that takes time passes between the table's positions, and the drift integrates
         // meanwhile.
-        let table = match (gimbals.step_deg(), motion.slew_rate_rad_per_s) {
+        let table = match (gimbals.step_deg(), motion.slew) {
             (Some(step), None) => table(stand, gimbals, step),
             _ => None,
         };
@@ -348,7 +348,7 @@ mod tests {
         assert!(matches!(&quarter.allowed, Allowed::Table(a) if a.len() == 24));
         let slewing = directions(|c| {
             c.gimbals.step_deg = Some(90.0);
-            c.motion.slew_rate_deg_per_s = Some(1.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
         });
         assert!(is_everything(&slewing));
         // 7° does not divide the turn: all multiples together fill it.

@@ -5,6 +5,8 @@ use std::fmt;
 use super::minimum_time::MinimumTime;
 use crate::criterion::KnownBefore;
 use crate::error::Error;
+use crate::observability::Combination;
+use crate::observability::stand::Unseen;
 use crate::wording::listed;
 
 /// What a bound does not cover, or why it is weak. [`fmt::Display`] puts it into words, the same in
@@ -14,6 +16,9 @@ use crate::wording::listed;
 pub enum Remark {
     /// The criterion is 0 before any test.
     KnownBefore(KnownBefore),
+    /// The bound consists of what was known before the test of these combinations, which no schedule on
+    /// this stand can tell.
+    RestsOnPriors(Vec<Combination>),
     /// Nothing is measured in so short a test.
     PriorItself,
     /// The criterion counts none of the drift coefficients.
@@ -50,11 +55,27 @@ pub enum Remark {
     NoBound(Error),
 }
 
+impl Remark {
+    /// What the bound consists of.
+    pub(super) fn on_priors(unseen: &Unseen) -> Self {
+        Self::RestsOnPriors(unseen.combinations.clone())
+    }
+}
+
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::KnownBefore(known) => return known.fmt(f),
             Self::Time(time) => return time.fmt(f),
+            Self::RestsOnPriors(combinations) => {
+                let names: Vec<String> = combinations.iter().map(ToString::to_string).collect();
+                return write!(
+                    f,
+                    "the bound is what was known before the test of that which no schedule on this \
+                     stand can tell: {}",
+                    names.join("; ")
+                );
+            }
             Self::NoBound(e) => return write!(f, "no bound here, because {e}"),
             Self::TakenAsKnown(groups) => {
                 let title = |key: &&'static str| crate::model::group(key).map_or(*key, |g| g.title);

@@ -194,6 +194,7 @@ impl Certifier {
             lower_bound,
             equivalence_gap: missing,
             majorant: white.majorant.or(wandering.majorant),
+            rests_on_priors: false,
         })
     }
 
@@ -213,6 +214,7 @@ impl Certifier {
             conditions,
             directions: self.directions.clone(),
             unlimited: self.unlimited.clone(),
+            unseen: None,
         };
         let open = |certifier: &Self| {
             let sigma = certifier.conditions.prior_sigma.iter();
@@ -236,6 +238,7 @@ impl Certifier {
             lower_bound: value,
             equivalence_gap: rest.equivalence_gap * others as f64 / count,
             majorant: white.majorant.or(wandering.majorant),
+            rests_on_priors: false,
         })
     }
 

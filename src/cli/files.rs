@@ -40,7 +40,7 @@ pub(super) fn whose(paths: &[&Path]) -> Option<String> {
     let mut there: Vec<&Path> = paths.iter().copied().filter(|p| p.is_file()).collect();
     // A document says most, and a page is the next best.
     let is_json = |p: &Path| p.extension().is_some_and(|e| e == "json");
-    there.sort_by_key(|p| (titled(p).is_none(), !is_json(p)));
+    there.sort_by_key(|p| (!is_json(p), titled(p).is_none()));
     let first = there.first()?;
     let title = match titled(first) {
         Some(title) => format!("of {title}"),
@@ -77,10 +77,26 @@ fn titled(path: &Path) -> Option<String> {
         "json" => words::test(&serde_json::from_str::<Head>(&text).ok()?.test)?,
         _ => {
             let (_, rest) = text.split_once("<title>")?;
-            rest.split_once("</title>")?.0.to_owned()
+            unescaped(rest.split_once("</title>")?.0)
         }
     };
     Some(text::shown(&said))
+}
+
+/// The text that a page has escaped.
+fn unescaped(html: &str) -> String {
+    // The ampersand last: what it is part of is no escape any more.
+    let escapes = [
+        ("&#39;", "'"),
+        ("&#34;", "\""),
+        ("&#60;", "<"),
+        ("&#62;", ">"),
+        ("&#38;", "&"),
+    ];
+    let text = html.to_owned();
+    escapes
+        .iter()
+        .fold(text, |text, (escape, of)| text.replace(escape, of))
 }
 
 /// Files that are going to be written into one directory.

@@ -148,7 +148,7 @@ pub(super) fn best_order(
     };
     let platform = evaluator.test().platform();
     let motion = platform.motion();
-    let ways_count = motion.slew_rate_rad_per_s.is_some() || platform.errors().feels_rates();
+    let ways_count = motion.slew.is_some() || platform.errors().feels_rates();
     let triples_matter = ways_count && motion.repositioning == Repositioning::Slew;
     let by_others = orders(true);
     let other = match triples_matter {
@@ -208,26 +208,26 @@ mod tests {
             |_| {},
             |c| c.motion.settle_s = 20.0,
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.slew_rate_deg_per_s = Some(0.5.into());
                 c.motion.settle_s = 30.0;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.3);
+                c.motion.slew_rate_deg_per_s = Some(0.3.into());
                 c.motion.return_to_start = true;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.slew_rate_deg_per_s = Some(0.7.into());
                 c.motion.start_deg = Some([20.0, 30.0, -40.0]);
                 c.motion.return_to_start = true;
                 c.motion.settle_s = 7.0;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.slew_rate_deg_per_s = Some(0.5.into());
                 c.gimbals.alpha_deg = Some([-200.0, 270.0]);
                 c.gimbals.beta_deg = Some([-100.0, 100.0]);
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(1.0);
+                c.motion.slew_rate_deg_per_s = Some(1.0.into());
                 c.motion.measure_moves = true;
             },
             |c| {
@@ -235,7 +235,7 @@ mod tests {
                 c.motion.settle_s = 10.0;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.5);
+                c.motion.slew_rate_deg_per_s = Some(0.5.into());
                 c.filter.period_s = 30.0;
                 c.prior.misalignment_deg = crate::platform::AxisValue::All(0.0);
                 c.site.latitude_deg = 80.0;

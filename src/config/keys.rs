@@ -108,6 +108,7 @@ const OF_THE_PLATFORM: &[(&str, Absent)] = &[
     ("stand.tilt_deg", Nothing),
     ("motion.repositioning", Assumed),
     ("motion.slew_rate_deg_per_s", Assumed),
+    ("motion.acceleration_deg_per_s2", Nothing),
     ("motion.settle_s", Assumed),
     ("motion.measure_moves", Assumed),
     ("motion.min_dwell_s", Assumed),

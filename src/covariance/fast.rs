@@ -57,6 +57,7 @@ pub(crate) mod single;
 pub(crate) mod square;
 pub(crate) mod tiles;
 pub(crate) mod trigonometry;
+pub(crate) mod turn;
 pub(crate) mod wide;
 
 use std::fmt::Debug;

@@ -37,13 +37,14 @@
 //!
 //! Of its own are: the attitude, as the product of three turns, with its own sines, and the rate at
 //! which the gimbals turn it; the terms of the error model, by the names of the parameters and the axes
-//! of each gyro (`terms`); whole filter periods (`instrument`); Φ and Γ, by a Taylor series; the drift
-//! integral of a move, by Runge–Kutta steps; what wanders, in the platform and not in n, by both
+//! of each gyro (`terms`); whole filter periods (`instrument`); Φ and Γ, by a Taylor series; how far a
+//! move is at a time, as the area under its rate; the drift integral of a move, by Runge–Kutta steps; what wanders, in the platform and not in n, by both
 //! (`wander`); every factorisation, faer's.
 //! It knows nothing of dwells, of gains, or of covariance. Shared with the
 //! [`chain`](super::chain) are:
 //!
-//! - the [`Timeline`]: which way a move takes, how long it takes, when settling and dwells are;
+//! - the [`Timeline`]: which way a move takes, how long it and the gimbals' speeding up take, when settling
+//!   and dwells are;
 //! - the [`Platform`] in SI, the Earth rate in n, the units of the states and of the parameters;
 //! - which parameters there are, with their priors, and how P follows from N and B;
 //! - the equations themselves, (2), (3), (9), and the rule for when the filter measures;
@@ -302,13 +303,27 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
 
     /// An interval, with the measurement at its end if wanted.
     fn pass(&mut self, drift: Drift<'_>, (start_s, length_s): (f64, f64), measure: bool) {
+        match drift {
+            Drift::Moving(m) if m.ramp() > 0.0 => {
+                let whole = m.duration_s;
+                let smooth = transition::cut_at_corners(m, (start_s / whole, length_s / whole));
+                for (k, (start, length)) in smooth.iter().enumerate() {
+                    let measure = measure && k + 1 == smooth.len();
+                    self.pass_smoothly(drift, (start * whole, length * whole), measure);
+                }
+            }
+            _ => self.pass_smoothly(drift, (start_s, length_s), measure),
+        }
+        self.time_s += length_s;
+    }
+
+    fn pass_smoothly(&mut self, drift: Drift<'_>, (start_s, length_s): (f64, f64), measure: bool) {
         let parts = self.wandering.as_ref().map_or(1, |w| w.parts(length_s));
         let part_s = length_s / parts as f64;
         for part in 0..parts {
             let step = self.step(drift, start_s + part as f64 * part_s, part_s);
             self.update(&step, part_s, measure && part + 1 == parts);
         }
-        self.time_s += length_s;
     }
 
     /// Φ and B of an interval, and what the accelerometers show at its end.
@@ -345,7 +360,7 @@ impl<'a, T: Real> SquareRootFilter<'a, T> {
                 let [start, length] = [start_s, length_s].map(|s| s / m.duration_s);
                 let part = (start_s, length_s);
                 let wandering = self.wandering.as_ref();
-                let end = m.position_at(start + length);
+                let end = m.position_after(transition::way_done(m, start + length).0);
                 Step {
                     phi: taylor_transition(&earth, length_s).0,
                     b: self.moved(m, (start, length)),

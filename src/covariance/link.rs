@@ -234,11 +234,11 @@ mod tests {
         let changes: [fn(&mut PlatformConfig); 5] = [
             |_| {},
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.slew_rate_deg_per_s = Some(0.7.into());
                 c.motion.settle_s = 30.0;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.7);
+                c.motion.slew_rate_deg_per_s = Some(0.7.into());
                 c.motion.measure_moves = true;
             },
             |c| {
@@ -246,7 +246,7 @@ mod tests {
                 c.motion.settle_s = 20.0;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(2.0);
+                c.motion.slew_rate_deg_per_s = Some(2.0.into());
                 c.motion.start_deg = Some([5.0, 5.0, 5.0]);
             },
         ];

@@ -219,7 +219,7 @@ impl<'a, T: Real> Selection<'a, T> {
     }
 
     /// B = ∫ Φ(t_end − t) (A dt + C_c^n T ω_nc^c ds) over a part of a move, start and length as
-    /// fractions of it, in doubles.
+    /// shares of its duration, in doubles.
     pub fn part_of_move(&self, m: &Move, (start, length): (f64, f64)) -> Matrix3xX<f64> {
         let model = self.model;
         let mut b = self.in_doubles.nothing();
@@ -227,12 +227,12 @@ impl<'a, T: Real> Selection<'a, T> {
             let position = m.position_at(at);
             let attitude = model.stand.attitude(position);
             let c = attitude.matrix();
-            let time_s = share * m.duration_s;
+            let (time_s, done) = (share * m.duration_s, share * m.speed_at(at));
             // dC = −[φ ×] C: the platform turns by −φ in n.
             let axes = model.stand.rotation_axes(&attitude, position);
             let turned = axes.iter().zip(m.change);
             let turned = turned.fold(Vector3::zeros(), |sum, (axis, by)| sum - axis * by);
-            let rate = c.transpose() * (model.earth_rate_n * time_s + turned * share);
+            let rate = c.transpose() * (model.earth_rate_n * time_s + turned * done);
             let phi = model
                 .dynamics
                 .transition((start + length - at) * m.duration_s);

@@ -267,11 +267,11 @@ mod tests {
         let cases: [Change; 4] = [
             |_| {},
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.9);
+                c.motion.slew_rate_deg_per_s = Some(0.9.into());
                 c.motion.measure_moves = true;
             },
             |c| {
-                c.motion.slew_rate_deg_per_s = Some(0.9);
+                c.motion.slew_rate_deg_per_s = Some(0.9.into());
                 c.motion.settle_s = 37.0;
                 c.motion.start_deg = Some([5.0, -20.0, 60.0]);
                 c.motion.return_to_start = true;

@@ -23,7 +23,7 @@ fn schedule() -> Schedule {
 fn evaluator(slews: bool) -> Evaluator {
     let mut config = PlatformConfig::default();
     if slews {
-        config.motion.slew_rate_deg_per_s = Some(0.7);
+        config.motion.slew_rate_deg_per_s = Some(0.7.into());
         config.motion.measure_moves = true;
     }
     Evaluator::new(config.check().unwrap(), Objective::default())
@@ -175,7 +175,7 @@ fn what_cannot_be_told_apart_has_no_order_and_is_computed_all_the_same() {
 #[test]
 fn an_interrupted_test_of_a_full_platform_is_the_whole() {
     let mut config = full();
-    config.motion.slew_rate_deg_per_s = Some(0.8);
+    config.motion.slew_rate_deg_per_s = Some(0.8.into());
     config.motion.settle_s = 20.0;
     config
         .errors
@@ -207,7 +207,7 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
     let evaluator = || {
         let mut config = full();
         config.gyro.output_axis.x = Some(OutputAxis::Named("+y".to_owned()));
-        config.motion.slew_rate_deg_per_s = Some(0.8);
+        config.motion.slew_rate_deg_per_s = Some(0.8.into());
         Evaluator::new(config.check().unwrap(), Objective::default())
     };
     assert!(evaluator().evaluate(&schedule()).unwrap().agreement < 1e-7);
@@ -226,7 +226,7 @@ fn a_fault_planted_in_the_filter_is_found_in_a_full_model_too() {
 #[test]
 fn early_convergence_has_a_value_and_a_gradient() {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(0.7);
+    config.motion.slew_rate_deg_per_s = Some(0.7.into());
     config.motion.settle_s = 20.0;
     let platform = config.check().unwrap();
     let with = |convergence_weight| {

@@ -4,7 +4,8 @@ use super::way::way_between;
 use super::{Leg, Place, Test, Timeline};
 use crate::attitude::{Degrees, NanoDegrees, Position, deg_of_rad};
 use crate::error::{Error, Result};
-use crate::platform::Platform;
+use crate::platform::{Platform, Repositioning, SlewLimits};
+use crate::units::RAD_PER_DEG;
 
 /// What is in the way of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,7 +198,7 @@ pub(crate) fn clear_way(
         for &beta in &ways[1] {
             for &gamma in &ways[2] {
                 let way = [alpha, beta, gamma];
-                let length = longest(&way);
+                let length = length(platform, &way);
                 if best.is_none_or(|(least, _)| length < least) && is_clear(&way) {
                     best = Some((length, way));
                 }
@@ -229,7 +230,41 @@ pub(crate) fn clear_ways(
     ways.collect()
 }
 
-/// Angle that the slowest axis turns, in whole 1e-9° so that equal ways are equally long.
-pub(super) fn longest(way: &[Degrees; 3]) -> i64 {
-    way.iter().fold(0, |max, c| max.max(c.nano.abs().count()))
+/// How long a way is, in whole numbers so that equal ways are equally long: the angle that the axis
+/// that turns most does, 1e-9°, or in time, µs, where that does not tell.
+pub(super) fn length(platform: &Platform, way: &[Degrees; 3]) -> i64 {
+    match by_time(platform) {
+        Some(slew) => (slew.shortest_s(&way.map(Degrees::rad)) * PER_S).round() as i64,
+        None => way.iter().fold(0, |max, c| max.max(c.nano.abs().count())),
+    }
+}
+
+/// Units of [`length`] in a second.
+const PER_S: f64 = 1e6;
+
+/// The limits where the time of a way is not in proportion to the angle of the axis that turns most.
+fn by_time(platform: &Platform) -> Option<&SlewLimits> {
+    let slew = platform.motion().slew.as_ref()?;
+    let tells = slew.are_alike() && slew.acceleration_rad_per_s2.is_none();
+    (!tells).then_some(slew)
+}
+
+/// How long a way of that [`length`] is in rad or s, a unit of [`unit_s`].
+pub(super) fn in_units(platform: &Platform, length: i64) -> f64 {
+    match by_time(platform) {
+        Some(_) => length as f64 / PER_S,
+        None => NanoDegrees::new(length).deg() * RAD_PER_DEG,
+    }
+}
+
+/// The time of a unit, s: 1, or that of a rad; 0 where moves take no time.
+pub(crate) fn unit_s(platform: &Platform) -> f64 {
+    let motion = platform.motion();
+    match (motion.repositioning, motion.slew) {
+        (Repositioning::FrameHold, _) | (_, None) => 0.0,
+        (Repositioning::Slew, Some(slew)) => match by_time(platform) {
+            Some(_) => 1.0,
+            None => slew.rate_rad_per_s[0].recip(),
+        },
+    }
 }

@@ -6,11 +6,10 @@
 //! Which of them the gimbals take decides how far
 //! they have to turn from one position to the next.
 
-use super::clear::{clear_way, longest};
+use super::clear::{clear_way, in_units, length};
 use super::{Place, Test, way_between};
 use crate::attitude::{Degrees, NanoDegrees, Position, Stand};
 use crate::platform::Platform;
-use crate::units::RAD_PER_DEG;
 
 /// Whole turns that a limited axis is tried at, beside the angle given.
 const TURNS: [i64; 3] = [0, 1, -1];
@@ -133,7 +132,7 @@ pub(crate) fn quickest_positions_but(
     held: &dyn Fn(usize) -> bool,
 ) -> Vec<Position> {
     let platform = test.platform();
-    if platform.motion().slew_rate_rad_per_s.is_none() {
+    if platform.motion().slew.is_none() {
         let first = |(k, p): (usize, &Position)| {
             let reachable = equivalent_positions(platform, *p).into_iter().next();
             reachable.filter(|_| !held(k)).unwrap_or(*p)
@@ -174,25 +173,28 @@ pub(crate) fn quickest_positions_but(
     }
 }
 
-/// Longer than any way, 1e-9°: where there is none.
+/// Longer than any way: where there is none.
 const NO_WAY: i64 = 1_000_000_000_000_000;
 
-/// Angle that the slowest axis turns, in whole 1e-9° so that equal ways are equally long.
+/// How long the way is, see [`length`].
 fn distance(platform: &Platform, from: &Place, to: &Place) -> i64 {
     if platform.obstacles().stop_moves() {
         let way = clear_way(platform, from, to, None, None);
-        return way.map_or(NO_WAY, |way| longest(&way));
+        return way.map_or(NO_WAY, |way| length(platform, &way));
     }
-    longest(&way_between(platform, from.angles, to.angles, None))
+    length(
+        platform,
+        &way_between(platform, from.angles, to.angles, None),
+    )
 }
 
-/// The same in rad.
-pub(crate) fn slowest_turn_rad(platform: &Platform, from: Position, to: Position) -> f64 {
-    let turn = distance(platform, &Place::new(from), &Place::new(to));
-    NanoDegrees::new(turn).deg() * RAD_PER_DEG
+/// The same in rad or s, units of [`super::unit_s`].
+pub(crate) fn way_length(platform: &Platform, from: Position, to: Position) -> f64 {
+    let length = distance(platform, &Place::new(from), &Place::new(to));
+    in_units(platform, length)
 }
 
-/// The cheapest way through one option each, with its cost, 1e-9°.
+/// The cheapest way through one option each, with its cost.
 fn quickest(
     platform: &Platform,
     options: &[Vec<Place>],
@@ -249,7 +251,7 @@ mod tests {
 
     fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(1.0);
+        config.motion.slew_rate_deg_per_s = Some(1.0.into());
         change(&mut config);
         config.check().unwrap()
     }

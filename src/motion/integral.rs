@@ -1,6 +1,6 @@
 //! The drift integral of a move, B = ∫ Φ(t_end − t) A(R(t)) dt.
 //!
-//! With the angles linear in time, A(R(t)) is a trigonometric polynomial whose highest angular
+//! With the angles linear in time, as they are at one rate, A(R(t)) is a trigonometric polynomial whose highest angular
 //! frequency is 2 (|α̇| + |β̇| + |γ̇|): C_c^n has degree 1 in each angle and g^c too. A
 //! Gauss–Legendre rule of n points integrates cos(κ x) over [−1, 1] with an error of about
 //! (e κ / 4n)^{2n}, so the number of points follows from κ, half the phase the integrand runs
@@ -130,11 +130,18 @@ pub(crate) fn sixteen_nodes() -> &'static [(f64, f64)] {
     &RULES[3].1.nodes
 }
 
-/// Half the phase that the integrand runs through in `length_s` of the move: the gimbals' turn,
-/// and the Earth's in Φ.
-pub(crate) fn half_phase(m: &Move, length_s: f64) -> f64 {
+/// Half the phase that the integrand runs through in an interval of the move, start and length in s, at
+/// the greatest rate in it: the gimbals' turn, and the Earth's in Φ.
+pub(crate) fn half_phase(m: &Move, (start_s, length_s): (f64, f64)) -> f64 {
     let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
-    turn * length_s / m.duration_s + 0.5 * EARTH_RATE_RAD_PER_S * length_s
+    let at_rate = turn * length_s / m.duration_s + 0.5 * EARTH_RATE_RAD_PER_S * length_s;
+    match m.ramp() == 0.0 {
+        true => at_rate,
+        false => {
+            let part = [start_s, length_s].map(|s| s / m.duration_s);
+            at_rate * m.greatest_speed(part.into())
+        }
+    }
 }
 
 /// The rule and number of panels for half a phase of `kappa`.
@@ -149,33 +156,39 @@ fn rule_for(kappa: f64) -> (&'static Rule, usize) {
     (rule, (kappa / limit).ceil() as usize)
 }
 
-/// Calls `visit(time from the interval's start, weight in s)` at every node of the interval.
-fn for_each_node(m: &Move, length_s: f64, mut visit: impl FnMut(f64, f64)) {
-    let (rule, panels) = rule_for(half_phase(m, length_s));
-    let width = length_s / panels as f64;
-    for panel in 0..panels {
-        for &(x, w) in &rule.nodes {
-            visit(width * (panel as f64 + x), width * w);
+/// Calls `visit(time from the start of the interval, weight in s)` at every node of the interval, start
+/// and length in s from the start of the move.
+fn for_each_node(m: &Move, interval: (f64, f64), mut visit: impl FnMut(f64, f64)) {
+    for part in m.smooth_parts(interval, m.duration_s) {
+        let (rule, panels) = rule_for(half_phase(m, part));
+        let (before, width) = (part.0 - interval.0, part.1 / panels as f64);
+        for panel in 0..panels {
+            for &(x, w) in &rule.nodes {
+                visit(before + width * (panel as f64 + x), width * w);
+            }
         }
     }
 }
 
-/// Calls `visit(fraction of the move, share)` at every node of a part of the move, start and length
-/// as fractions of it, for an integrand of `degree` in the angles; the shares add up to the length.
-/// Also where the move takes no time.
+/// Calls `visit(share of the duration, weight)` at every node of a part of the move, start and length
+/// as shares of its duration, for an integrand of `degree` in the angles; the weights add up to the
+/// length. Also where the move takes no time.
 pub(crate) fn for_each_share(
     m: &Move,
-    (start, length): (f64, f64),
+    part: (f64, f64),
     degree: f64,
     mut visit: impl FnMut(f64, f64),
 ) {
     let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
     let earth = EARTH_RATE_RAD_PER_S * m.duration_s;
-    let (rule, panels) = rule_for(0.5 * (turn * degree + earth) * length);
-    let width = length / panels as f64;
-    for panel in 0..panels {
-        for &(x, w) in &rule.nodes {
-            visit(start + width * (panel as f64 + x), width * w);
+    for (start, length) in m.smooth_parts(part, 1.0) {
+        let turn = turn * m.greatest_speed((start, length));
+        let (rule, panels) = rule_for(0.5 * (turn * degree + earth) * length);
+        let width = length / panels as f64;
+        for panel in 0..panels {
+            for &(x, w) in &rule.nodes {
+                visit(start + width * (panel as f64 + x), width * w);
+            }
         }
     }
 }
@@ -191,7 +204,7 @@ impl Move {
         length_s: f64,
     ) -> DriftMatrix {
         let mut b = DriftMatrix::zeros();
-        for_each_node(self, length_s, |t, weight| {
+        for_each_node(self, (start_s, length_s), |t, weight| {
             let position = self.position_at((start_s + t) / self.duration_s);
             let phi: Matrix3<f64> = dynamics.transition(length_s - t) * weight;
             b += times_drift_matrix(&phi, &stand.attitude(position));

@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn scaling_keeps_the_moves_and_the_proportions() {
         let mut config = crate::platform::PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         config.motion.settle_s = 30.0;
         let test = Test::from(config.check().unwrap());
         let at = |deg: f64, dwell_s: f64| {

@@ -389,7 +389,7 @@ mod tests {
             config.gyro.random_drift_deg_per_h = Some(0.0);
             config.motion.repositioning = repositioning;
             if repositioning == Repositioning::Slew {
-                config.motion.slew_rate_deg_per_s = Some(2.0);
+                config.motion.slew_rate_deg_per_s = Some(2.0.into());
                 config.motion.measure_moves = measured;
                 config.motion.settle_s = 20.0;
             }

@@ -34,7 +34,21 @@ pub enum AxisValue {
     PerAxis([f64; 3]),
 }
 
+impl From<f64> for AxisValue {
+    fn from(value: f64) -> Self {
+        Self::All(value)
+    }
+}
+
 impl AxisValue {
+    /// The same for values that are each changed.
+    pub fn map(self, change: impl Fn(f64) -> f64) -> Self {
+        match self {
+            Self::All(v) => Self::All(change(v)),
+            Self::PerAxis(v) => Self::PerAxis(v.map(change)),
+        }
+    }
+
     /// As `[x, y, z]`.
     pub const fn to_array(self) -> [f64; 3] {
         match self {

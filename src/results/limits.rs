@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::platform::AxisValue;
+
 /// What the criterion of the schedule would be if one thing were better, the total time being the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -32,8 +34,8 @@ impl LimitRecord {
 pub(crate) enum Change {
     /// Half as large: from, to.
     Halved(f64, f64),
-    /// Twice as large: from, to.
-    Doubled(f64, f64),
+    /// Twice as large, for all axes or axis by axis: from, to.
+    Doubled(AxisValue, AxisValue),
     /// A tenth more: from, to.
     TenthMore(f64, f64),
     /// Something measured with this noise, arcsec, that is not there.
@@ -44,6 +46,13 @@ pub(crate) enum Change {
     Estimated,
 }
 
+impl Change {
+    /// Twice as large.
+    pub fn doubled(value: AxisValue) -> Self {
+        Self::Doubled(value, value.map(|v| 2.0 * v))
+    }
+}
+
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let change = |f: &mut fmt::Formatter<'_>, how: &str, from: f64, to: f64| {
@@ -51,7 +60,13 @@ impl fmt::Display for Change {
         };
         match *self {
             Self::Halved(from, to) => change(f, "halved", from, to),
-            Self::Doubled(from, to) => change(f, "doubled", from, to),
+            Self::Doubled(AxisValue::All(from), AxisValue::All(to)) => {
+                change(f, "doubled", from, to)
+            }
+            Self::Doubled(from, to) => {
+                let list = |of: AxisValue| of.to_array().map(plain).join(", ");
+                write!(f, "doubled, [{}] to [{}]", list(from), list(to))
+            }
             Self::TenthMore(from, to) => change(f, "a tenth more", from, to),
             Self::Added(noise) => write!(f, "a reference of {noise} arcsec"),
             Self::Wider(deg) => write!(f, "{deg} deg wider at each end"),
@@ -82,7 +97,11 @@ mod tests {
                 Change::TenthMore(12_000.0, 1.1 * 12_000.0),
                 "a tenth more, 12000 to 13200",
             ),
-            (Change::Doubled(0.5, 1.0), "doubled, 0.5 to 1"),
+            (Change::doubled(0.5.into()), "doubled, 0.5 to 1"),
+            (
+                Change::doubled(AxisValue::PerAxis([0.5, 0.1, 2.0])),
+                "doubled, [0.5, 0.1, 2] to [1, 0.2, 4]",
+            ),
             (Change::Added(20.0), "a reference of 20 arcsec"),
         ] {
             assert_eq!(change.to_string(), said);

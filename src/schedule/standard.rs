@@ -490,7 +490,7 @@ mod tests {
     fn every_scheme_takes_the_same_total_time() {
         let mut config = PlatformConfig::default();
         let instant = Test::from(config.check().unwrap());
-        config.motion.slew_rate_deg_per_s = Some(1.0);
+        config.motion.slew_rate_deg_per_s = Some(1.0.into());
         config.motion.settle_s = 20.0;
         let slow = Test::from(config.check().unwrap());
         for scheme in StandardScheme::ALL {

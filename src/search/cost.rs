@@ -30,12 +30,11 @@ pub(super) fn price_of_time(
 /// Time for the moves and the settle that a position at `gap` adds, s.
 pub(super) fn detour_s(test: &Test, plan: &Plan, gap: usize, position: Position) -> f64 {
     let motion = test.platform().motion();
-    let Some(rate) = motion.slew_rate_rad_per_s else {
+    let Some(slew) = motion.slew else {
         return motion.settle_s;
     };
     let by_way = |from: Position, to: Position, given: Option<[f64; 3]>| {
-        let change = way(test.platform(), from, to, given).map(Degrees::rad);
-        change.iter().fold(0.0_f64, |max, c| max.max(c.abs())) / rate
+        slew.shortest_s(&way(test.platform(), from, to, given).map(Degrees::rad))
     };
     let short = |from: Position, to: Position| by_way(from, to, None);
     let at = |k: usize| plan.angles.get(k).map(|a| Position::from_array(*a));

@@ -153,7 +153,7 @@ fn round(context: Context<'_>, plan: &Plan) -> Option<Candidate> {
     let test = evaluator.test();
     let total_time_s = context.problem.total_time_s;
     let mut plan = rounded_to_fit(test, plan, total_time_s)?;
-    if test.platform().motion().slew_rate_rad_per_s.is_none() {
+    if test.platform().motion().slew.is_none() {
         // The dwells are final now; the angles settle around them. Where moves take time this
         // could lengthen them beyond the total time.
         let smoothing = match evaluator.objective().criterion.has_kinks() {

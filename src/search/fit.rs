@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn the_least_time_is_that_of_staying_where_the_platform_stands() {
         let moving = test(|c| {
-            c.motion.slew_rate_deg_per_s = Some(1.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
             c.motion.settle_s = 7.0;
             c.motion.min_dwell_s = 25.0;
             c.motion.start_deg = Some([10.0, 20.0, 30.0]);
@@ -178,7 +178,7 @@ mod tests {
         let slow = test(|c| {
             c.filter.period_s = 0.1;
             c.motion.min_dwell_s = 0.2;
-            c.motion.slew_rate_deg_per_s = Some(0.005);
+            c.motion.slew_rate_deg_per_s = Some(0.005.into());
             c.motion.start_deg = Some([233.906_559_076_442_7, -400.0, -49.354_224_943_479_38]);
             c.motion.return_to_start = true;
         });
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn any_plan_is_brought_within_the_least_time() {
         let slow = test(|c| {
-            c.motion.slew_rate_deg_per_s = Some(0.01);
+            c.motion.slew_rate_deg_per_s = Some(0.01.into());
             c.motion.settle_s = 7.0;
             c.motion.start_deg = Some([10.0, 20.0, 30.0]);
             c.motion.return_to_start = true;

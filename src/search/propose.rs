@@ -49,7 +49,7 @@ pub(super) fn starts_while(
         .filter_map(|k| start(test, problem, k))
         .collect();
     // Staying is always possible, however little time there is for moves.
-    if test.standing().is_some() && test.platform().motion().slew_rate_rad_per_s.is_some() {
+    if test.standing().is_some() && test.platform().motion().slew.is_some() {
         let stay = still(test);
         starts.extend(stay.and_then(|stay| stay.fitted(test, problem.total_time_s)));
     }
@@ -101,7 +101,7 @@ fn start(test: &Test, problem: &SearchProblem, k: usize) -> Option<Plan> {
             .collect(),
     };
     // With moves that take time, every second start is put into an order of short moves.
-    if platform.motion().slew_rate_rad_per_s.is_some() && k % 2 == 1 {
+    if platform.motion().slew.is_some() && k % 2 == 1 {
         order_by_nearest(platform, &mut positions);
     }
     if platform.obstacles().stop_moves() {
@@ -290,7 +290,7 @@ mod tests {
         let evaluator = evaluator(|c| {
             c.gimbals.alpha_deg = Some([-100.0, 120.0]);
             c.gimbals.beta_deg = Some([-60.0, 60.0]);
-            c.motion.slew_rate_deg_per_s = Some(0.3);
+            c.motion.slew_rate_deg_per_s = Some(0.3.into());
             c.motion.settle_s = 30.0;
         });
         let problem = SearchProblem {

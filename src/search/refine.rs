@@ -139,7 +139,7 @@ mod tests {
     fn plans_are_worked_out_as_well_as_by_argmins_own() {
         for slew_rate_deg_per_s in [None, Some(0.5)] {
             let mut config = PlatformConfig::default();
-            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s;
+            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s.map(Into::into);
             let objective = Objective {
                 separability_weight: 0.0,
                 ..Objective::default()

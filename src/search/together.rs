@@ -171,7 +171,7 @@ mod tests {
         for slew_rate_deg_per_s in [None, Some(0.5)] {
             let mut config = PlatformConfig::default();
             config.gimbals.beta_deg = Some([-60.0, 60.0]);
-            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s;
+            config.motion.slew_rate_deg_per_s = slew_rate_deg_per_s.map(Into::into);
             let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
             let problem = SearchProblem {
                 starts: 6,

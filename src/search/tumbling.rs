@@ -5,7 +5,7 @@
 //! can only be improved. Between such segments the platform jumps as before, unmeasured. This is
 //! how the best free schedules look: slow turning inside the dwells, the big jumps stay.
 //!
-//! A segment turns no faster than the slew rate; its two ends lie within the gimbal ranges, and
+//! A segment turns no faster than the gimbals can; its two ends lie within the gimbal ranges, and
 //! with them all in between. In the schedule a turning segment is two entries, the second
 //! reached by a measured move with no dwell of its own; one that hardly turns is a plain dwell.
 
@@ -63,17 +63,19 @@ impl TurningPlan {
 
     /// How far segment `k` turns, rad, by the axis that turns most.
     fn turn(&self, k: usize) -> f64 {
-        let [start, end] = self.ends[k];
-        let change = end.iter().zip(start).map(|(end, start)| end - start);
-        change.fold(0.0, |max, c| c.abs().max(max))
+        let change = change_of(&self.ends[k]);
+        change.iter().fold(0.0, |max, c| c.abs().max(max))
     }
 
-    /// Whether every segment keeps to the slew rate.
+    /// Whether every segment keeps to the rates and accelerations of the gimbals.
     fn is_slow_enough(&self, platform: &Platform) -> bool {
-        let Some(rate) = platform.motion().slew_rate_rad_per_s else {
+        let Some(slew) = platform.motion().slew else {
             return true;
         };
-        (0..self.ends.len()).all(|k| self.turn(k) <= rate * self.duration_s[k])
+        let segments = self.ends.iter().zip(&self.duration_s);
+        segments
+            .map(|(ends, duration_s)| (slew.shortest_s(&change_of(ends)), duration_s))
+            .all(|(shortest_s, duration_s)| shortest_s <= *duration_s)
     }
 
     /// As a schedule; segments that hardly turn are plain dwells.
@@ -89,6 +91,11 @@ impl TurningPlan {
         }
         Schedule::new(tidied(test, positions.into_iter(), &|_| false)).ok()
     }
+}
+
+/// How far each gimbal turns from a start to an end, rad.
+fn change_of([start, end]: &[[f64; 3]; 2]) -> [f64; 3] {
+    std::array::from_fn(|axis| end[axis] - start[axis])
 }
 
 /// The variables of a turning plan; always takes the total time.
@@ -250,7 +257,7 @@ mod tests {
     #[test]
     fn pulled_back_gradient_is_the_derivative() {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         config.motion.settle_s = 20.0;
         config.gimbals.beta_deg = Some([-60.0, 60.0]);
         config.motion.start_deg = Some([10.0, -20.0, 30.0]);

@@ -150,7 +150,7 @@ impl Plan {
         if !ways_count(platform) {
             return Vec::new();
         }
-        let least = match platform.motion().slew_rate_rad_per_s {
+        let least = match platform.motion().slew {
             Some(_) => NEAR_HALF_TURN,
             None => ANY_TURN,
         };
@@ -184,7 +184,7 @@ mod tests {
 
     fn test(change: impl FnOnce(&mut PlatformConfig)) -> Test {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         change(&mut config);
         config.check().unwrap().into()
     }

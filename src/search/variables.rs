@@ -302,7 +302,7 @@ pub(super) fn add_return(timeline: &Timeline, angles: &mut [[f64; 3]]) {
 }
 
 /// Adds what the `moves` to those legs are worth through their durations: each follows from the
-/// axis that turns most, and takes its time from the dwells, where a second is worth
+/// axis that takes longest, and takes its time from the dwells, where a second is worth
 /// `mean_dwell`.
 pub(super) fn add_move_times(
     platform: &Platform,
@@ -312,7 +312,7 @@ pub(super) fn add_move_times(
     mean_dwell: f64,
     angles: &mut [[f64; 3]],
 ) {
-    let Some(rate) = platform.motion().slew_rate_rad_per_s else {
+    let Some(slew) = platform.motion().slew else {
         return;
     };
     for k in moves {
@@ -320,10 +320,12 @@ pub(super) fn add_move_times(
         let Some(m) = arrival.filter(|m| m.duration_s > 0.0) else {
             continue;
         };
-        let (axis, _) = m.slowest_axis();
-        let slope = m.change[axis].signum() / rate * (legs[k].move_s - mean_dwell);
-        angles[k][axis] += slope;
-        angles[k - 1][axis] -= slope;
+        let longer = slew.shortest_slope(&m.change);
+        for (axis, longer) in longer.into_iter().enumerate() {
+            let slope = longer * (legs[k].move_s - mean_dwell);
+            angles[k][axis] += slope;
+            angles[k - 1][axis] -= slope;
+        }
     }
 }
 
@@ -356,7 +358,7 @@ mod tests {
 
     fn evaluator(limited: bool) -> Evaluator {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         config.motion.settle_s = 20.0;
         config.motion.return_to_start = true;
         if limited {

@@ -35,7 +35,7 @@ pub(super) fn straight_ways(test: &Test, angles: &[[f64; 3]]) -> Vec<Option<[f64
 /// something stands in the gimbals' way.
 pub(super) fn ways_count(platform: &Platform) -> bool {
     let motion = platform.motion();
-    let felt = motion.slew_rate_rad_per_s.is_some() || platform.errors().feels_rates();
+    let felt = motion.slew.is_some() || platform.errors().feels_rates();
     let is_felt = felt && motion.repositioning == Repositioning::Slew;
     is_felt || platform.obstacles().stop_moves()
 }

@@ -270,18 +270,28 @@ impl Piece {
 
 impl ProgramBuilder<'_> {
     /// Cuts a duration into filter periods and a remainder, and these into pieces short enough
-    /// to hold the random drift; a tick ends each whole period where the filter measures.
-    fn pieces(&self, duration_s: f64, measured: bool) -> Vec<Piece> {
+    /// to hold the random drift, and where a move's rate has corners; a tick ends each whole period
+    /// where the filter measures.
+    fn pieces(&self, duration_s: f64, measured: bool, m: Option<&Move>) -> Vec<Piece> {
+        let smooth_parts = |start_s: f64, length_s: f64| match m {
+            Some(m) => m.smooth_parts((start_s, length_s), m.duration_s).collect(),
+            None => vec![(start_s, length_s)],
+        };
         let (ticks, remainder) = split_periods(duration_s, self.period_s);
-        let mut pieces = Vec::new();
+        let mut pieces: Vec<Piece> = Vec::new();
         let mut cut = |start_s: f64, length_s: f64, tick: bool| {
-            let count = (length_s / LONGEST_S - 1e-9).ceil().max(1.0) as usize;
-            let each = length_s / count as f64;
-            pieces.extend((0..count).map(|i| Piece {
-                start_s: start_s + i as f64 * each,
-                length_s: each,
-                measured: tick && i + 1 == count,
-            }));
+            for (start_s, length_s) in smooth_parts(start_s, length_s) {
+                let count = (length_s / LONGEST_S - 1e-9).ceil().max(1.0) as usize;
+                let each = length_s / count as f64;
+                pieces.extend((0..count).map(|i| Piece {
+                    start_s: start_s + i as f64 * each,
+                    length_s: each,
+                    measured: false,
+                }));
+            }
+            if let Some(last) = pieces.last_mut() {
+                last.measured = tick;
+            }
         };
         for tick in 0..ticks {
             cut(tick as f64 * self.period_s, self.period_s, measured);
@@ -294,7 +304,7 @@ impl ProgramBuilder<'_> {
 
     fn holding(&mut self, attitude: Attitude, duration_s: f64, measured: bool) {
         let mut last: Option<(f64, usize)> = None;
-        for piece in self.pieces(duration_s, measured) {
+        for piece in self.pieces(duration_s, measured, None) {
             let transition = match last {
                 Some((length_s, index)) if length_s == piece.length_s => index,
                 _ => {
@@ -309,7 +319,7 @@ impl ProgramBuilder<'_> {
     }
 
     fn moving(&mut self, m: &Move) {
-        for piece in self.pieces(m.duration_s, m.measured) {
+        for piece in self.pieces(m.duration_s, m.measured, Some(m)) {
             let b = self.effects.moved(&self.dynamics, m, &piece);
             let at = Whereabouts::Moving(m, piece.start_s);
             let transition = self.transition(piece.length_s, b, at);
@@ -336,23 +346,29 @@ impl ProgramBuilder<'_> {
     /// The way through a piece of a move that is `duration` long, in the unit of the piece.
     fn path(&self, m: &Move, piece: &Piece, duration: f64) -> Path {
         let turn: f64 = m.change.iter().map(|c| c.abs()).sum();
-        let share = piece.length_s / duration;
+        let (start, share) = (piece.start_s / duration, piece.length_s / duration);
+        let turn = turn * m.greatest_speed((start, share));
         let largest_turn = LARGEST_PHASE_RAD / self.effects.degree();
         let steps = (turn * share / largest_turn).ceil().max(1.0) as usize;
         let nodes = (0..=2 * steps).map(|i| {
             let t = piece.start_s + piece.length_s * i as f64 / (2 * steps) as f64;
-            m.position_at(t / duration)
+            t / duration
         });
-        let rate = m.change.map(|c| c / duration);
+        let rate_at = |fraction: f64| m.change.map(|c| c / duration * m.speed_at(fraction));
         Path {
             gimbal_rates: match self.effects.has_torquers {
                 true => nodes
                     .clone()
-                    .map(|p| self.stand.gimbal_rate(p.to_array(), rate))
+                    .map(|at| {
+                        let angles = m.position_at(at).to_array();
+                        self.stand.gimbal_rate(angles, rate_at(at))
+                    })
                     .collect(),
                 false => Vec::new(),
             },
-            attitudes: nodes.map(|p| self.stand.attitude(p)).collect(),
+            attitudes: nodes
+                .map(|at| self.stand.attitude(m.position_at(at)))
+                .collect(),
         }
     }
 
@@ -456,7 +472,7 @@ mod tests {
     #[test]
     fn ticks_fall_where_the_filter_has_them() {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(1.0);
+        config.motion.slew_rate_deg_per_s = Some(1.0.into());
         config.motion.settle_s = 25.0;
         let p = program(&config, &[(0.0, 35.0), (47.0, 20.0)]);
         let ticks: Vec<f64> = p

@@ -69,13 +69,19 @@ fn trials(config: &StudyConfig) -> Vec<Trial> {
     if platform.motion.repositioning == Repositioning::Slew
         && let Some(rate) = platform.motion.slew_rate_deg_per_s
     {
-        push(
-            "motion.slew_rate_deg_per_s",
-            Change::Doubled(rate, 2.0 * rate),
-            &|c| {
-                c.platform.motion.slew_rate_deg_per_s = Some(2.0 * rate);
-            },
-        );
+        let twice = |value: f64| 2.0 * value;
+        push("motion.slew_rate_deg_per_s", Change::doubled(rate), &|c| {
+            c.platform.motion.slew_rate_deg_per_s = Some(rate.map(twice));
+        });
+        if let Some(acceleration) = platform.motion.acceleration_deg_per_s2 {
+            push(
+                "motion.acceleration_deg_per_s2",
+                Change::doubled(acceleration),
+                &|c| {
+                    c.platform.motion.acceleration_deg_per_s2 = Some(acceleration.map(twice));
+                },
+            );
+        }
     }
     let settle = platform.motion.settle_s;
     if settle > 0.0 {

@@ -179,15 +179,21 @@ impl Warnings {
         };
         let [slowest, fastest] = SLEW_DEG_PER_S;
         let key = "motion.slew_rate_deg_per_s";
-        if given < slowest {
+        let rates = given.to_array();
+        let [least, most] = [
+            rates.iter().copied().fold(f64::MAX, f64::min),
+            largest(rates),
+        ];
+        // A slow axis beside quick ones is what it is: an outer gimbal carries the others.
+        if most < slowest {
             let suspicion = Suspicion::RadiansPerSecond {
-                given,
-                converted: given / RAD_PER_DEG,
+                given: least,
+                converted: least / RAD_PER_DEG,
                 unit: "deg/s",
             };
-            self.push(key, given, suspicion);
-        } else if given > fastest {
-            self.push(key, given, Suspicion::TooFast { given });
+            self.push(key, least, suspicion);
+        } else if most > fastest {
+            self.push(key, most, Suspicion::TooFast { given: most });
         }
     }
 

@@ -448,7 +448,7 @@ impl Draw {
             gimbals.step_deg = Some(steps[self.0.random_range(0..steps.len())]);
         }
         let motion = &mut c.platform.motion;
-        motion.slew_rate_deg_per_s = Some(self.spread(0.03, 100.0));
+        motion.slew_rate_deg_per_s = Some(self.spread(0.03, 100.0).into());
         motion.settle_s = rounded(self.between(0.0, 600.0));
         motion.min_dwell_s = rounded(self.between(5.0, 600.0));
         motion.start_deg = Some([0.0, 0.0, -90.0]);

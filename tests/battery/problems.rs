@@ -38,7 +38,7 @@ impl Problem {
 }
 
 fn slews(c: &mut PlatformConfig, rate_deg_per_s: f64, settle_s: f64) {
-    c.motion.slew_rate_deg_per_s = Some(rate_deg_per_s);
+    c.motion.slew_rate_deg_per_s = Some(rate_deg_per_s.into());
     c.motion.settle_s = settle_s;
 }
 

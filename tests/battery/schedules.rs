@@ -55,7 +55,7 @@ impl Case {
     pub fn platform(&self) -> Platform {
         let mut config = PlatformConfig::default();
         if self.slews {
-            config.motion.slew_rate_deg_per_s = Some(0.5);
+            config.motion.slew_rate_deg_per_s = Some(0.5.into());
             config.motion.settle_s = 30.0;
         }
         config.check().unwrap()

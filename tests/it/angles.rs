@@ -23,7 +23,7 @@ fn platform(change: impl FnOnce(&mut PlatformConfig)) -> Platform {
 }
 
 fn slewing() -> Platform {
-    platform(|c| c.motion.slew_rate_deg_per_s = Some(0.5))
+    platform(|c| c.motion.slew_rate_deg_per_s = Some(0.5.into()))
 }
 
 fn position([alpha, beta, gamma]: [f64; 3]) -> Position {
@@ -127,12 +127,12 @@ fn whole_turns_on_unlimited_axes_change_nothing() {
     let stands = [
         slewing(),
         platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(2.0);
+            c.motion.slew_rate_deg_per_s = Some(2.0.into());
             c.motion.measure_moves = true;
             c.motion.return_to_start = true;
         }),
         platform(|c| {
-            c.motion.slew_rate_deg_per_s = Some(5.0);
+            c.motion.slew_rate_deg_per_s = Some(5.0.into());
             c.motion.settle_s = 20.0;
             c.motion.start_deg = Some([33.3, -180.0, 90.0]);
             c.gimbals.beta_deg = Some([-400.0, 400.0]);
@@ -271,7 +271,7 @@ fn the_way_that_is_given_is_taken() {
     // From the start attitude too; nothing else precedes a first position.
     let first = Schedule::new(back.positions()[1..].to_vec()).unwrap();
     let started = self::platform(|c| {
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.start_deg = Some(from);
     });
     let timeline = Timeline::new(&started.clone().into(), &first).unwrap();
@@ -316,7 +316,7 @@ fn ways_that_lead_elsewhere_are_refused_by_key() {
 #[test]
 fn what_a_search_found_is_what_its_file_says() {
     let platform = platform(|c| {
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.settle_s = 30.0;
     });
     let evaluator = Evaluator::new(platform, Objective::default());

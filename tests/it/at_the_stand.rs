@@ -6,12 +6,12 @@ use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::commands::{CommandTable, Segment};
 use scheme_opt::internals::evaluate::{Evaluator, Objective};
 use scheme_opt::internals::motion::{Leg, Test, Timeline};
-use scheme_opt::internals::platform::{PlatformConfig, Repositioning};
+use scheme_opt::internals::platform::{AxisValue, PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::internals::sheet::{OperatorSheet, SheetRow, Stop};
 use scheme_opt::internals::units::Angle;
 
-use crate::support::Random;
+use crate::support::{Random, slewing};
 
 /// 1e-9 rad.
 const SAME_ATTITUDE: f64 = 1e-9;
@@ -25,8 +25,8 @@ fn chance(random: &mut Random, probability: f64) -> bool {
     random.unit() < probability
 }
 
-/// A stand of any kind, its slew rate in °/s if it has one.
-fn stand(random: &mut Random) -> (PlatformConfig, Option<f64>) {
+/// A stand of any kind, its slew rates in °/s if it has them.
+fn stand(random: &mut Random) -> (PlatformConfig, Option<[f64; 3]>) {
     let mut config = PlatformConfig::default();
     let ranges = [
         (&mut config.gimbals.alpha_deg, 300.0),
@@ -38,8 +38,9 @@ fn stand(random: &mut Random) -> (PlatformConfig, Option<f64>) {
             *range = Some([-most, most]);
         }
     }
-    let rate = chance(random, 0.7).then(|| random.between(0.2, 3.0));
-    config.motion.slew_rate_deg_per_s = rate;
+    if chance(random, 0.7) {
+        slewing(&mut config, random, 0.2, 3.0);
+    }
     let holds = chance(random, 0.15);
     if holds {
         config.motion.repositioning = Repositioning::FrameHold;
@@ -48,7 +49,8 @@ fn stand(random: &mut Random) -> (PlatformConfig, Option<f64>) {
     config.motion.measure_moves = chance(random, 0.3);
     config.motion.start_deg = chance(random, 0.4).then_some([10.0, -20.0, 30.0]);
     config.motion.return_to_start = chance(random, 0.4);
-    (config, rate.filter(|_| !holds))
+    let rates = config.motion.slew_rate_deg_per_s.map(AxisValue::to_array);
+    (config, rates.filter(|_| !holds))
 }
 
 /// Positions in the ranges, some reached the long way round or by whole turns more, some slowly, some
@@ -93,9 +95,9 @@ fn positions(
 }
 
 /// A test, perhaps in the middle, and what is planned of it.
-fn case(number: u64) -> (Test, Schedule, Option<f64>) {
+fn case(number: u64) -> (Test, Schedule, Option<[f64; 3]>) {
     let mut random = Random::of_case(number);
-    let (config, rate) = stand(&mut random);
+    let (config, rates) = stand(&mut random);
     let mut test = Test::from(config.check().unwrap());
     let mut from = config.motion.start_deg;
     if chance(&mut random, 0.3) {
@@ -108,7 +110,7 @@ fn case(number: u64) -> (Test, Schedule, Option<f64>) {
             .unwrap();
     }
     let planned = positions(&mut random, &config, from, 8);
-    (test, Schedule::new(planned).unwrap(), rate)
+    (test, Schedule::new(planned).unwrap(), rates)
 }
 
 /// The leg that lasts at `time_s`, and when it began.
@@ -138,7 +140,7 @@ fn attitude_in(leg: &Leg, begins_s: f64, time_s: f64) -> Matrix3<f64> {
 fn command_tables_count_on_without_a_jump_and_are_where_the_timeline_is() {
     let mut beyond_a_turn = 0;
     for number in 0..150 {
-        let (test, schedule, rate) = case(number);
+        let (test, schedule, rates) = case(number);
         let timeline = Timeline::new(&test, &schedule).unwrap();
         let step_deg = Random::of_case(number).between(3.0, 45.0);
         let table = CommandTable::new(test.platform(), &timeline, step_deg).unwrap();
@@ -157,8 +159,8 @@ fn command_tables_count_on_without_a_jump_and_are_where_the_timeline_is() {
                 if let Some(rates) = row.gimbal_rates_rad_per_s {
                     assert!((turned - rates[axis] * row.duration_s).abs() < 1e-12);
                 }
-                if let Some(rate) = rate {
-                    let most = Angle::from_deg(rate).rad() * row.duration_s;
+                if let Some(rates) = rates {
+                    let most = Angle::from_deg(rates[axis]).rad() * row.duration_s;
                     assert!(
                         turned.abs() < most + 1e-10,
                         "case {number}: {turned} > {most}"
@@ -287,7 +289,7 @@ fn is_in_csv(sheet: &OperatorSheet) {
 #[test]
 fn a_sheet_says_what_is_measured_on_the_way() {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(1.0);
+    config.motion.slew_rate_deg_per_s = Some(1.0.into());
     config.motion.settle_s = 30.0;
     config.motion.return_to_start = true;
     let turning = |deg: [f64; 3]| ScheduledPosition {

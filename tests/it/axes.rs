@@ -16,7 +16,7 @@ use scheme_opt::internals::search::{Control, SearchProblem, search};
 use crate::coloured::wandering;
 use crate::commands::{attitude, replay};
 use crate::full_model::random_platform;
-use crate::support::{Random, random_positions};
+use crate::support::{Random, random_positions, slewing};
 
 /// Orders with senses; two of them proper Euler sequences.
 const ORDERS: [[&str; 3]; 6] = [
@@ -111,7 +111,7 @@ fn attitudes_of_a_timeline_are_those_of_the_definition() {
         let random = &mut Random::of_case(4500 + k as u64);
         let mut config = PlatformConfig::default();
         hang(&mut config, axes, random);
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         let platform = config.check().unwrap();
         let positions = random_positions(random, 6);
         let held = positions.iter().map(|p| ScheduledPosition::new(*p, 100.0));
@@ -151,7 +151,7 @@ fn judge_and_chain_agree_on_any_stand() {
         config.motion.start_deg = None;
         hang(&mut config, ORDERS[case as usize % 6], random);
         config.motion.repositioning = Repositioning::Slew;
-        config.motion.slew_rate_deg_per_s = Some(random.between(0.3, 3.0));
+        slewing(&mut config, random, 0.3, 3.0);
         let held = random_positions(random, 4)
             .into_iter()
             .map(|p| ScheduledPosition::new(p, random.between(50.0, 500.0)));
@@ -314,7 +314,7 @@ fn nothing_is_below_the_bound_on_a_limited_stand() {
         config.gimbals.beta_deg = Some([low - 20.0, low + 50.0]);
         config.gimbals.gamma_deg = Some([-70.0, 60.0]);
         if k % 2 == 0 {
-            config.motion.slew_rate_deg_per_s = Some(0.5);
+            config.motion.slew_rate_deg_per_s = Some(0.5.into());
         }
         let platform = config.check().unwrap();
         let bound = Certifier::new(&platform).bound(&Criterion::rms(), 12_000.0);
@@ -377,7 +377,7 @@ fn an_index_table_of_another_order_is_searched() {
     let mut config = PlatformConfig::default();
     hang(&mut config, ["+z", "-x", "+z"], &mut Random(5));
     config.gimbals.step_deg = Some(45.0);
-    config.motion.slew_rate_deg_per_s = Some(2.0);
+    config.motion.slew_rate_deg_per_s = Some(2.0.into());
     let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
     let problem = SearchProblem {
         starts: 2,

@@ -34,7 +34,7 @@ fn platform(random: &mut Random, kind: Kind) -> Platform {
         Kind::Slews | Kind::AllApart => {
             config.motion.return_to_start = kind == Kind::Slews;
             config.motion.settle_s = 30.0;
-            config.motion.slew_rate_deg_per_s = Some(1.0);
+            config.motion.slew_rate_deg_per_s = Some(1.0.into());
         }
         Kind::FrameHold => config.motion.repositioning = Repositioning::FrameHold,
     }

@@ -17,7 +17,7 @@ use scheme_opt::internals::search::shortest::shortest;
 use scheme_opt::internals::search::{Control, SearchProblem, search};
 
 use crate::full_model;
-use crate::support::Random;
+use crate::support::{Random, slewing};
 
 fn certifier(change: impl FnOnce(&mut PlatformConfig)) -> Certifier {
     let mut config = PlatformConfig::default();
@@ -84,7 +84,7 @@ fn random_platform(random: &mut Random) -> PlatformConfig {
     if random.unit() < 0.2 {
         c.motion.repositioning = Repositioning::FrameHold;
     } else if random.unit() < 0.5 {
-        c.motion.slew_rate_deg_per_s = Some(random.between(0.1, 5.0));
+        slewing(&mut c, random, 0.1, 5.0);
         c.motion.settle_s = random.between(0.0, 40.0);
     }
     c

@@ -117,7 +117,7 @@ fn an_interruption_changes_nothing() {
         let mut config = PlatformConfig::default();
         config.motion.repositioning = repositioning;
         if case == 3 {
-            config.motion.slew_rate_deg_per_s = Some(0.7);
+            config.motion.slew_rate_deg_per_s = Some(0.7.into());
             config.motion.measure_moves = true;
         }
         wandering(&mut config, random, 15);
@@ -144,7 +144,7 @@ fn a_little_wandering_is_nearly_white() {
     let schedule = schedule(random, 5);
     let sigma = |walk: Option<f64>| {
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = Some(0.7);
+        config.motion.slew_rate_deg_per_s = Some(0.7.into());
         config.gyro.rate_random_walk_deg_per_h_per_sqrt_h = walk;
         config.gyro.bias_instability_deg_per_h = walk;
         config.gyro.bias_correlation_time_s = walk.map(|_| 300.0);

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use scheme_opt::internals::attitude::Position;
 use scheme_opt::internals::commands::{CommandTable, Segment};
 use scheme_opt::internals::motion::Timeline;
-use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
+use scheme_opt::internals::platform::{AxisValue, Platform, PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::internals::units::{Angle, AngularRate};
 
@@ -165,7 +165,7 @@ fn check(change: impl Fn(&mut PlatformConfig)) {
 fn replayed_commands_arrive_at_the_attitudes_of_the_schedule() {
     check(|c| {
         c.gimbals.beta_deg = Some([-60.0, 60.0]);
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.settle_s = 30.0;
     });
 }
@@ -174,12 +174,25 @@ fn replayed_commands_arrive_at_the_attitudes_of_the_schedule() {
 fn replayed_commands_arrive_with_limited_outer_gimbals_measured_moves_start_and_return() {
     check(|c| {
         c.gimbals.alpha_deg = Some([-180.0, 180.0]);
-        c.motion.slew_rate_deg_per_s = Some(2.0);
+        c.motion.slew_rate_deg_per_s = Some(2.0.into());
         c.motion.measure_moves = true;
         c.motion.start_deg = Some([10.0, -20.0, 30.0]);
         c.motion.return_to_start = true;
         c.site.latitude_deg = -71.0;
     });
+}
+
+#[test]
+fn replayed_commands_arrive_where_gimbals_speed_up_and_slow_down() {
+    for measure_moves in [false, true] {
+        check(|c| {
+            c.gimbals.beta_deg = Some([-60.0, 60.0]);
+            c.motion.slew_rate_deg_per_s = Some(AxisValue::PerAxis([0.5, 1.0, 2.0]));
+            c.motion.acceleration_deg_per_s2 = Some(AxisValue::PerAxis([0.05, 0.02, 0.1]));
+            c.motion.measure_moves = measure_moves;
+            c.motion.return_to_start = true;
+        });
+    }
 }
 
 #[test]
@@ -221,7 +234,7 @@ fn a_tumbling_schedule_is_commanded_by_moves_alone() {
 #[test]
 fn a_slew_adds_to_the_earth_rate() {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(0.5);
+    config.motion.slew_rate_deg_per_s = Some(0.5.into());
     let platform = config.check().unwrap();
     let at = |a| ScheduledPosition::new(Position::from_deg(a, 0.0, 0.0), 60.0);
     let schedule = Schedule::new(vec![at(0.0), at(60.0)]).unwrap();

@@ -277,7 +277,7 @@ impl Filter {
 
 /// Runs the filter through `schedule`.
 pub fn run(platform: &Platform, schedule: &Schedule) -> Exact {
-    assert!(platform.motion().slew_rate_rad_per_s.is_none() || schedule.positions().len() == 1);
+    assert!(platform.motion().slew.is_none() || schedule.positions().len() == 1);
     assert!(platform.motion().settle_s == 0.0);
     let mut filter = Filter::new(platform);
     let rate = platform.earth_rate_n();

@@ -58,7 +58,7 @@ pub fn extreme_platform(random: &mut Random, most: f64) -> PlatformConfig {
         },
     };
     match random.unit() {
-        u if u < 0.3 => c.motion.slew_rate_deg_per_s = Some(power(random, -1.0, 2.0)),
+        u if u < 0.3 => c.motion.slew_rate_deg_per_s = Some(power(random, -1.0, 2.0).into()),
         u if u < 0.4 => c.motion.repositioning = Repositioning::FrameHold,
         _ => {}
     }

@@ -12,7 +12,7 @@ use scheme_opt::internals::platform::{Platform, PlatformConfig, Repositioning};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 use crate::battery::full::{FullCase, full_cases};
-use crate::support::Random;
+use crate::support::{Random, slewing};
 
 /// Largest relative difference of a number from the reference, and of which.
 struct Worst {
@@ -194,7 +194,7 @@ pub fn random_platform(random: &mut Random) -> PlatformConfig {
     config.motion.measure_moves = random.unit() < 0.4;
     config.motion.return_to_start = random.unit() < 0.3;
     if random.unit() < 0.6 {
-        config.motion.slew_rate_deg_per_s = Some(random.between(0.3, 3.0));
+        slewing(&mut config, random, 0.3, 3.0);
     } else if random.unit() < 0.3 {
         config.motion.repositioning = Repositioning::FrameHold;
     }

@@ -12,7 +12,7 @@ use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use serde_json::{Value, json};
 
 use crate::battery::full::{FullCase, full_cases};
-use crate::support::{Random, held, random_positions};
+use crate::support::{Random, held, random_positions, slewing};
 
 fn evaluator(config: &PlatformConfig) -> Evaluator {
     Evaluator::new(config.check().unwrap(), Objective::default())
@@ -90,7 +90,7 @@ fn random_platform(random: &mut Random) -> PlatformConfig {
     config.site.latitude_deg = random.between(-80.0, 80.0);
     config.motion.measure_moves = random.unit() < 0.3;
     if random.unit() < 0.5 {
-        config.motion.slew_rate_deg_per_s = Some(random.between(0.3, 3.0));
+        slewing(&mut config, random, 0.3, 3.0);
     }
     if random.unit() < 0.3 {
         config.azimuth.noise_arcsec = Some(random.between(2.0, 200.0));

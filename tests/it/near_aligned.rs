@@ -379,7 +379,7 @@ fn what_only_a_hundredth_of_a_degree_tells_is_said() {
 #[test]
 fn a_measured_move_between_two_positions_shows_everything_hardly() {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(0.5);
+    config.motion.slew_rate_deg_per_s = Some(0.5.into());
     config.motion.measure_moves = true;
     let (analysis, document) = analysed(
         &config,
@@ -428,12 +428,12 @@ fn odd_platforms_are_analysed_like_any_other() {
         }),
         ("the equator", |c| c.site.latitude_deg = 0.0),
         ("measured moves", |c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.measure_moves = true;
         }),
         ("measured moves at a pole", |c| {
             c.site.latitude_deg = 90.0;
-            c.motion.slew_rate_deg_per_s = Some(0.05);
+            c.motion.slew_rate_deg_per_s = Some(0.05.into());
             c.motion.measure_moves = true;
         }),
         ("frame hold", |c| {
@@ -444,7 +444,7 @@ fn odd_platforms_are_analysed_like_any_other() {
             c.motion.repositioning = Repositioning::FrameHold;
         }),
         ("a start and a return", |c| {
-            c.motion.slew_rate_deg_per_s = Some(1.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
             c.motion.settle_s = 30.0;
             c.motion.start_deg = Some([10.0, 20.0, 30.0]);
             c.motion.return_to_start = true;

@@ -320,7 +320,7 @@ fn the_suggested_position_is_one_that_the_stand_can_take() {
     // Many turns: a cable, not an end of the search.
     config.gimbals.gamma_deg = Some([-3000.0, 36_000.0]);
     config.gimbals.step_deg = Some(7.0);
-    config.motion.slew_rate_deg_per_s = Some(1.0);
+    config.motion.slew_rate_deg_per_s = Some(1.0.into());
     let evaluator = Evaluator::new(config.check().unwrap(), Objective::default());
     let positions = [[0.0, 0.0, 0.0], [91.0, 7.0, 14.0]]
         .map(|a| ScheduledPosition::new(Position::from_deg(a[0], a[1], a[2]), 1000.0));

@@ -8,7 +8,7 @@ use scheme_opt::internals::platform::{ForbiddenConfig, PlatformConfig};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 use scheme_opt::internals::search::{Control, SearchOutcome, SearchProblem, search};
 
-use crate::support::Random;
+use crate::support::{Random, slewing};
 
 /// From and to of the three axes, degrees; none: all angles.
 type Box3 = [Option<[f64; 2]>; 3];
@@ -101,7 +101,9 @@ fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hur
     for case in 0..8 {
         let mut random = Random::of_case(case);
         let mut config = PlatformConfig::default();
-        config.motion.slew_rate_deg_per_s = (case % 4 != 3).then(|| random.between(0.4, 4.0));
+        if case % 4 != 3 {
+            slewing(&mut config, &mut random, 0.4, 4.0);
+        }
         config.motion.settle_s = random.between(0.0, 40.0);
         if case % 3 == 1 {
             config.motion.start_deg = Some([0.0; 3]);
@@ -168,7 +170,7 @@ fn a_list_of_all_settings_is_the_index_table() {
 fn what_is_in_the_way_of_a_given_schedule_is_said() {
     let wall: Box3 = [None, Some([80.0, 100.0]), None];
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(1.0);
+    config.motion.slew_rate_deg_per_s = Some(1.0.into());
     config.motion.start_deg = Some([0.0; 3]);
     config.gimbals.forbidden = vec![ForbiddenConfig::new(wall)];
     config.gimbals.max_winding_deg = Some([400.0, 400.0, 400.0]);

@@ -1,6 +1,8 @@
 //! A thousand searches on odd platforms: each ends with a schedule that the platform can run, or
 //! with a refusal that is proven; never with an error of another kind.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use scheme_opt::internals::analysis::Unobservable;
 use scheme_opt::internals::commands::CommandTable;
@@ -19,6 +21,8 @@ use scheme_opt::internals::search::{Control, SearchOutcome, Status, search};
 use crate::support::Random;
 
 const SEARCHES: u64 = 1000;
+/// The first of them, which the gate has time for.
+const FIRST: u64 = 250;
 /// Those that need no file.
 const CRITERIA: [CriterionKind; 4] = [
     CriterionKind::A,
@@ -156,7 +160,10 @@ impl Draw {
             p.motion.repositioning = Repositioning::FrameHold;
         }
         if self.chance(0.75) {
-            p.motion.slew_rate_deg_per_s = Some(self.size(1e-3, 20.0));
+            p.motion.slew_rate_deg_per_s = Some(self.size(1e-3, 20.0).into());
+            if self.chance(0.3) {
+                p.motion.acceleration_deg_per_s2 = Some(self.size(1e-4, 20.0).into());
+            }
         }
         let most = if p.motion.measure_moves { 12.0 } else { 80.0 };
         let periods = match self.up_to(4) {
@@ -319,7 +326,19 @@ fn ends_well(case: u64) -> Result<&'static str, String> {
 
 #[test]
 fn every_search_ends_with_a_schedule_or_a_proof() {
-    let ends: Vec<_> = (0..SEARCHES)
+    end_well(0..FIRST);
+}
+
+/// `cargo test --release --test it all_the_searches -- --ignored --nocapture`
+#[test]
+#[ignore = "the long form of the test above"]
+fn all_the_searches_end_with_a_schedule_or_a_proof() {
+    end_well(0..SEARCHES);
+}
+
+fn end_well(cases: Range<u64>) {
+    let searches = cases.end - cases.start;
+    let ends: Vec<_> = cases
         .into_par_iter()
         .map(|case| (case, ends_well(case)))
         .collect();
@@ -334,17 +353,13 @@ fn every_search_ends_with_a_schedule_or_a_proof() {
     println!("{counts:?}");
     assert!(
         failures.is_empty(),
-        "{} of {SEARCHES}:\n{}",
+        "{} of {searches}:\n{}",
         failures.len(),
         failures.join("\n")
     );
     // The draws are no one-sided lot.
-    for (how, least) in [
-        ("converged", 50),
-        ("infeasible", 50),
-        ("proven impossible", 50),
-    ] {
+    for how in ["converged", "infeasible", "proven impossible"] {
         let count = counts.get(how).copied().unwrap_or(0);
-        assert!(count >= least, "{how}: {count}");
+        assert!(count * 20 >= searches, "{how}: {count}");
     }
 }

@@ -61,6 +61,7 @@ prop_compose! {
         log_drift in -4.0..0.0_f64,
         period in 2.0..40.0_f64,
         slew in prop::option::of(0.2..5.0_f64),
+        acceleration in prop::option::of(0.01..1.0_f64),
         settle in 0.0..60.0_f64,
         measure_moves in any::<bool>(),
     ) -> PlatformConfig {
@@ -69,7 +70,8 @@ prop_compose! {
         c.accelerometer.noise_g = Some(10.0_f64.powf(log_noise));
         c.gyro.random_drift_deg_per_h = Some(10.0_f64.powf(log_drift));
         c.filter.period_s = period;
-        c.motion.slew_rate_deg_per_s = slew;
+        c.motion.slew_rate_deg_per_s = slew.map(Into::into);
+        c.motion.acceleration_deg_per_s2 = acceleration.filter(|_| slew.is_some()).map(Into::into);
         c.motion.settle_s = settle;
         c.motion.measure_moves = measure_moves;
         c

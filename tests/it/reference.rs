@@ -142,7 +142,7 @@ fn the_history_says_what_each_position_did() {
 /// nothing is measured, and a return.
 fn moving_test(measured: bool) -> (Platform, Timeline) {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(0.43);
+    config.motion.slew_rate_deg_per_s = Some(0.43.into());
     config.motion.settle_s = 24.0;
     config.motion.measure_moves = measured;
     config.motion.start_deg = Some([0.0, 10.0, -20.0]);

@@ -51,13 +51,13 @@ fn same_as_the_whole(change: impl FnOnce(&mut PlatformConfig)) {
 fn the_rest_of_a_test_starts_from_all_that_is_known() {
     same_as_the_whole(|_| {});
     same_as_the_whole(|c| {
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.settle_s = 30.0;
         c.motion.start_deg = Some([10.0, -20.0, 30.0]);
         c.motion.return_to_start = true;
     });
     same_as_the_whole(|c| {
-        c.motion.slew_rate_deg_per_s = Some(1.0);
+        c.motion.slew_rate_deg_per_s = Some(1.0.into());
         c.motion.measure_moves = true;
     });
     same_as_the_whole(|c| c.motion.repositioning = Repositioning::FrameHold);
@@ -68,7 +68,7 @@ fn the_rest_of_a_test_starts_from_all_that_is_known() {
 #[test]
 fn a_search_continues_an_interrupted_test() {
     let mut config = PlatformConfig::default();
-    config.motion.slew_rate_deg_per_s = Some(1.0);
+    config.motion.slew_rate_deg_per_s = Some(1.0.into());
     config.motion.settle_s = 20.0;
     let test = Test::from(config.check().unwrap());
     let faces = |deg: [f64; 3]| {

@@ -52,7 +52,7 @@ fn default_search_is_better_than_the_axis_aligned_schemes_by_far() {
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let evaluator = evaluator(Objective::default(), |c| {
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
     });
     let problem = SearchProblem {
         starts: 8,
@@ -76,7 +76,7 @@ fn a_real_stand_is_respected() {
     let evaluator = evaluator(Objective::default(), |c| {
         c.gimbals.beta_deg = Some([-60.0, 60.0]);
         c.gimbals.gamma_deg = Some([-170.0, 170.0]);
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.settle_s = 30.0;
         c.motion.min_dwell_s = 200.0;
     });
@@ -266,7 +266,7 @@ fn turning_during_the_dwells_is_better_still() {
 #[test]
 fn a_fast_stand_that_measures_is_not_wound_up() {
     let evaluator = evaluator(Objective::default(), |c| {
-        c.motion.slew_rate_deg_per_s = Some(100.0);
+        c.motion.slew_rate_deg_per_s = Some(100.0.into());
         c.motion.measure_moves = true;
         c.motion.return_to_start = true;
     });

@@ -96,7 +96,7 @@ fn with(truth: TruthModel, filter: FilterModel) -> SimulationOptions {
 /// Slews, a measured one among them, settles, and a remainder of a period.
 fn moving() -> (Platform, Schedule) {
     let platform = platform(1.0, |c| {
-        c.motion.slew_rate_deg_per_s = Some(0.5);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
         c.motion.settle_s = 25.0;
     });
     let mut positions = optimised().positions()[..5].to_vec();

@@ -1,6 +1,7 @@
 //! What several subjects share: random schedules.
 
 use scheme_opt::internals::attitude::Position;
+use scheme_opt::internals::platform::{AxisValue, PlatformConfig};
 use scheme_opt::internals::schedule::{Schedule, ScheduledPosition};
 
 /// A small deterministic generator for test data (SplitMix64).
@@ -28,6 +29,18 @@ impl Random {
         let mut angle = || self.between(-180.0, 180.0);
         Position::from_deg(angle(), angle(), angle())
     }
+}
+
+/// Gimbals that turn at some rate: each at its own, sometimes, and most of them in need of a while to
+/// reach it, from far less than a move takes to more than it.
+pub fn slewing(config: &mut PlatformConfig, random: &mut Random, low: f64, high: f64) {
+    let mut value = |low: f64, high: f64| match random.unit() < 0.5 {
+        true => AxisValue::All(random.between(low, high)),
+        false => AxisValue::PerAxis(std::array::from_fn(|_| random.between(low, high))),
+    };
+    config.motion.slew_rate_deg_per_s = Some(value(low, high));
+    let acceleration = value(0.01, 0.5);
+    config.motion.acceleration_deg_per_s2 = (random.unit() < 0.6).then_some(acceleration);
 }
 
 /// The positions in turn, each held as long.

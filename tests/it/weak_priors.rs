@@ -35,10 +35,21 @@ fn criteria() -> [Criterion; 3] {
 }
 
 #[test]
+fn criteria_have_the_digits_that_sigmas_have() {
+    criteria_have_the_digits(80);
+}
+
+/// `cargo test --release --test it criteria_of_300 -- --ignored --nocapture`
+#[test]
+#[ignore = "the long form of the test above"]
 fn criteria_of_300_schedules_have_the_digits_that_sigmas_have() {
+    criteria_have_the_digits(300);
+}
+
+fn criteria_have_the_digits(schedules: usize) {
     let mut random = Random(15);
     let (mut worst, mut worst_in_search) = ([0.0_f64; 3], [0.0_f64; 3]);
-    for case in 0..300 {
+    for case in 0..schedules {
         let mut prior = || 10.0_f64.powf(random.between(4.0, 9.0));
         let platform = config(prior(), prior()).check().unwrap();
         let schedule = schedule(&mut random, 7.0);

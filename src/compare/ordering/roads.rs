@@ -6,8 +6,7 @@ use super::orders::Orders;
 use crate::attitude::Position;
 use crate::covariance::link::{Link, Reached};
 use crate::evaluate::Evaluator;
-use crate::motion::{Leg, Test, Timeline, slowest_turn_rad};
-use crate::platform::Repositioning;
+use crate::motion::{Leg, Test, Timeline, unit_s, way_length};
 use crate::schedule::ScheduledPosition;
 use crate::units::RAD_PER_DEG;
 
@@ -20,23 +19,22 @@ pub(super) struct Roads<'a> {
     pub orders: &'a Orders<'a>,
     /// For each position an earlier one that is the same.
     twins: Vec<Option<usize>>,
-    /// Between positions, rad.
+    /// How long the ways are between positions, rad or s.
     ways: Vec<f64>,
-    /// From where the platform stands, rad.
+    /// From where the platform stands.
     starts: Vec<f64>,
-    /// To where every test ends, rad.
+    /// To where every test ends.
     homes: Option<Vec<f64>>,
     returns_to_the_first: bool,
-    /// Time of a way, s/rad.
-    s_per_rad: f64,
+    /// Time of a unit of them, s.
+    unit_s: f64,
     /// Time for dwells but for the ways, s.
     budget_s: f64,
     /// The moves from position to position with their settles.
     arrivals: Vec<Option<Link>>,
     /// What is known on arrival at a first position.
     begin: Vec<Reached>,
-    /// Least and most that the gimbals turn from a position through all positions of a set to the
-    /// end, rad.
+    /// Least and most way from a position through all positions of a set to the end.
     to_go: Vec<[f64; 2]>,
 }
 
@@ -45,25 +43,16 @@ impl<'a> Roads<'a> {
         let test = orders.evaluator.test();
         let platform = test.platform();
         let positions = &orders.positions;
-        let from_all = |to: Position| {
-            positions
-                .iter()
-                .map(move |s| slowest_turn_rad(platform, *s, to))
-        };
+        let from_all = |to: Position| positions.iter().map(move |s| way_length(platform, *s, to));
         let standing = test.standing();
         let back = platform.motion().return_to_start;
-        let start =
-            |s: &Position| standing.map_or(0.0, |from| slowest_turn_rad(platform, from, *s));
+        let start = |s: &Position| standing.map_or(0.0, |from| way_length(platform, from, *s));
         let mut roads = Self {
             orders,
             twins: twins(positions),
             ways: positions
                 .iter()
-                .flat_map(|from| {
-                    positions
-                        .iter()
-                        .map(|to| slowest_turn_rad(platform, *from, *to))
-                })
+                .flat_map(|from| positions.iter().map(|to| way_length(platform, *from, *to)))
                 .collect(),
             starts: positions.iter().map(start).collect(),
             homes: test
@@ -71,13 +60,7 @@ impl<'a> Roads<'a> {
                 .filter(|_| back)
                 .map(|home| from_all(home).collect()),
             returns_to_the_first: back && test.home().is_none(),
-            s_per_rad: match platform.motion().repositioning {
-                Repositioning::Slew => platform
-                    .motion()
-                    .slew_rate_rad_per_s
-                    .map_or(0.0, f64::recip),
-                Repositioning::FrameHold => 0.0,
-            },
+            unit_s: unit_s(platform),
             budget_s: orders.total_time_s - fixed_s(test, positions),
             arrivals: Vec::new(),
             begin: Vec::new(),
@@ -169,17 +152,17 @@ impl<'a> Roads<'a> {
         (1 << self.count()) - 1
     }
 
-    /// From position to position, rad.
+    /// From position to position.
     pub fn way(&self, from: usize, to: usize) -> f64 {
         self.ways[from * self.count() + to]
     }
 
-    /// To a first position, rad.
+    /// To a first position.
     pub fn start(&self, first: usize) -> f64 {
         self.starts[first]
     }
 
-    /// From the last position of a test to where it ends, rad.
+    /// From the last position of a test to where it ends.
     pub fn way_home(&self, first: usize, last: usize) -> f64 {
         match &self.homes {
             Some(homes) => homes[last],
@@ -209,12 +192,12 @@ impl<'a> Roads<'a> {
 
     /// Whether orders leave different numbers of periods.
     pub fn periods_differ(&self) -> bool {
-        self.s_per_rad > 0.0
+        self.unit_s > 0.0
     }
 
     /// The periods that are left for dwells when the gimbals turn by `cost`.
     pub fn periods(&self, cost: f64) -> i64 {
-        let left_s = self.budget_s - cost * self.s_per_rad;
+        let left_s = self.budget_s - cost * self.unit_s;
         (left_s / self.evaluator().test().platform().period_s() + 1e-9).floor() as i64
     }
 
@@ -243,7 +226,7 @@ impl<'a> Roads<'a> {
         all
     }
 
-    /// The largest step that all ways are multiples of, rad; none when there is none.
+    /// The largest step that all ways are multiples of; none when there is none.
     fn step(&self) -> Option<f64> {
         let multiples = |step: &f64| {
             let homes = self.homes.iter().flatten();

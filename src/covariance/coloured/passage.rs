@@ -314,30 +314,34 @@ impl<T: Real> Passed<T> {
         const TURN: f64 = 2.0;
         const DECAYS: f64 = 1.0;
         const LONGEST_S: f64 = 5000.0;
-        let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s;
+        let rate = m.change.iter().map(|c| c.abs()).sum::<f64>() / m.duration_s;
         let fastest = layout
             .drift
             .iter()
             .map(|p| p.decay::<f64>())
             .fold(0.0, f64::max);
-        let panels = (turn / TURN)
-            .max(fastest * length_s / DECAYS)
-            .max(length_s / LONGEST_S);
-        let panels = panels.ceil().max(1.0) as usize;
-        let width = length_s / panels as f64;
-        let phi = dynamics.transition(width);
         let mut shares: Vec<Share<f64>> = Vec::new();
-        for k in 0..panels {
-            let panel = Panel::new((stand, dynamics), m, start_s + k as f64 * width, width);
-            let of = layout.drift.iter().map(|process| panel.share(*process));
-            shares = match k {
-                0 => of.collect(),
-                _ => shares
-                    .iter()
-                    .zip(of)
-                    .map(|(before, next)| before.then(&next, &phi))
-                    .collect(),
-            };
+        for (start_s, length_s) in m.smooth_parts((start_s, length_s), m.duration_s) {
+            let part = [start_s, length_s].map(|s| s / m.duration_s);
+            let turn = rate * m.greatest_speed(part.into()) * length_s;
+            let panels = (turn / TURN)
+                .max(fastest * length_s / DECAYS)
+                .max(length_s / LONGEST_S);
+            let panels = panels.ceil().max(1.0) as usize;
+            let width = length_s / panels as f64;
+            let phi = dynamics.transition(width);
+            for k in 0..panels {
+                let panel = Panel::new((stand, dynamics), m, start_s + k as f64 * width, width);
+                let of = layout.drift.iter().map(|process| panel.share(*process));
+                shares = match shares.is_empty() {
+                    true => of.collect(),
+                    false => shares
+                        .iter()
+                        .zip(of)
+                        .map(|(before, next)| before.then(&next, &phi))
+                        .collect(),
+                };
+            }
         }
         let drift = shares.iter().map(|share| share.convert(T::from));
         // Biases do not drive ψ^n, and are what they are at a position.

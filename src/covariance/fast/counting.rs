@@ -16,10 +16,11 @@ use super::course::{self, Legs, Stretch, Tape};
 use super::earth::Earth;
 use super::gains::{DwellKernel, Own};
 use super::information::{complete, pulled_slope, symmetric_product, to_coefficients};
-use super::moves::{Interval, Turn};
+use super::moves::Interval;
 use super::shape::{Drift, Facts};
 use super::single::{ByFactors, OneTimeline};
 use super::square::Entries;
+use super::turn::{Ramp, Turn};
 use crate::attitude::Position;
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
@@ -182,6 +183,12 @@ impl Legs<Counting> for CountedLegs<'_> {
                 duration_s: Counted(s.turn.duration_s),
                 time: Counted(s.turn.time),
                 instant: s.turn.instant,
+                way: s.turn.way.map(Counted),
+                ramp: s.turn.ramp.map(|ramp| Ramp {
+                    by_duration: ramp.by_duration.map(Counted),
+                    by_ramp: ramp.by_ramp.map(Counted),
+                    ramp_by_change: ramp.ramp_by_change.map(Counted),
+                }),
             },
             interval: Interval {
                 start_s: Counted(s.interval.start_s),
@@ -223,7 +230,7 @@ impl Legs<Counting> for CountedLegs<'_> {
 fn timeline(count: usize, dwell_s: f64, slews: bool) -> (CovarianceModel, Timeline) {
     let mut config = PlatformConfig::default();
     if slews {
-        config.motion.slew_rate_deg_per_s = Some(0.5);
+        config.motion.slew_rate_deg_per_s = Some(0.5.into());
         config.motion.settle_s = 30.0;
     }
     let platform = config.check().unwrap();

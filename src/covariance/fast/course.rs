@@ -13,9 +13,10 @@ use super::adjoint::{MEASURED_ROWS, dwell_rows};
 use super::arithmetic::{Arithmetic, Work};
 use super::earth::{Earth, Passed};
 use super::gains::{DwellKernel, Gains, Seen};
-use super::moves::{Interval, Turn, drift_integral};
+use super::moves::{Interval, drift_integral};
 use super::shape::{Drift, Shape};
 use super::square::{Entries, entries, product, rows, transpose};
+use super::turn::{self, Turn};
 use super::{AzimuthStep, Carried, Collected, Collecting, DwellStep, MeasureStep, Place, Wide};
 use crate::motion::integral::Panels;
 
@@ -47,6 +48,8 @@ impl Stretch<f64, Panels> {
                 time: 1.0,
                 // Nothing happens in it, in no time or another.
                 instant: true,
+                way: [0.0, 1.0, 0.0],
+                ramp: None,
             },
             interval: Interval {
                 start_s: 0.0,
@@ -203,8 +206,8 @@ impl<A: Arithmetic, S: Collecting, L: Legs<A>, G: Gains<A>, const PART: u8> Work
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct OnTheWay<A: Arithmetic, S: Shape> {
     pub place: Place<A, S>,
-    /// Of the move.
-    pub fraction: A::Number,
+    /// How far the move is.
+    pub way: turn::OnTheWay<A::Number>,
     /// (sin α, cos α).
     pub alpha: (A::Number, A::Number),
 }
@@ -219,11 +222,11 @@ pub(crate) fn on_the_way<A: Arithmetic, S: Shape>(
 ) -> OnTheWay<A, S> {
     let Interval { start_s, length_s } = s.interval;
     let at_s = if end { start_s + length_s } else { start_s };
-    let fraction = at_s / s.turn.duration_s;
-    let (c, alpha) = s.turn.attitude_at(earth.stand(), fraction);
+    let way = s.turn.at(at_s);
+    let (c, alpha) = s.turn.attitude_at(earth.stand(), &way);
     OnTheWay {
         place: Place::new(ar, earth, c),
-        fraction,
+        way,
         alpha,
     }
 }

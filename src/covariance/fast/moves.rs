@@ -6,62 +6,24 @@ use super::earth::Earth;
 use super::shape::{Basis, FEATURES, Monomial, Shape, basis, basis_adjoint, every};
 use super::square::{Entries, dot, transpose};
 use super::trigonometry::sin_cos;
+use super::turn::{OnTheWay, Turn, TurnAdjoint};
 use crate::attitude::{Degrees, StandFrame, UP};
-
-/// A move in the chain's numbers.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Turn<N> {
-    /// (α, β, γ) at its start, rad.
-    pub from: [N; 3],
-    /// The change of the angles, rad.
-    pub change: [N; 3],
-    /// Its duration, s; 1 where it takes none.
-    pub duration_s: N,
-    /// 1; where it takes no time, 0: only torquers see it.
-    pub time: N,
-    /// Whether none takes any time, in all lanes: then rates are all that counts.
-    pub instant: bool,
-}
-
-impl<N: Number> Turn<N> {
-    /// The angles' rates, rad/s.
-    #[inline(always)]
-    pub fn rates(&self) -> [N; 3] {
-        three!(|i| self.change[i] / self.duration_s)
-    }
-
-    /// C_c^n at the `fraction` of the move, and (sin α, cos α).
-    #[inline(always)]
-    pub fn attitude_at(&self, stand: Option<&StandFrame>, fraction: N) -> (Entries<N>, (N, N)) {
-        let angles = three!(|i| fraction.mul_add(self.change[i], self.from[i]));
-        attitude(stand, angles)
-    }
-}
 
 /// An interval of a move.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interval<N> {
-    /// From the start of the move, s.
+    /// From the start of the stretch, s.
     pub start_s: N,
     /// Its length, s.
     pub length_s: N,
 }
 
-/// Adjoints of one interval of a move.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct IntegralAdjoint<N> {
-    /// With respect to the angles at the start of the move.
-    pub from: [N; 3],
-    /// With respect to the angle change of the move.
-    pub change: [N; 3],
-    /// With respect to the move's duration, the interval's place and length held.
-    pub duration: N,
-}
-
 /// What the integrand is made of at a node (or several).
 pub(crate) struct AtNode<N> {
-    /// Share of the move done.
-    pub fraction: N,
+    /// How far the move is.
+    pub way: OnTheWay<N>,
+    /// The angles' rates, rad/s.
+    pub rates: [N; 3],
     /// C_c^n.
     pub c: Entries<N>,
     /// (sin α, cos α).
@@ -194,9 +156,10 @@ pub(crate) struct Nodes<N> {
     earth_rate: [N; 3],
     from: [N; 3],
     change: [N; 3],
-    /// The angles' rates, rad/s.
-    pub rates: [N; 3],
-    pub per_duration: N,
+    /// The angles' mean rates, rad/s.
+    rates: [N; 3],
+    way: [N; 3],
+    has_ramp: bool,
     start: N,
     length: N,
     width: N,
@@ -220,9 +183,9 @@ impl<N: Number> Nodes<N> {
         if !S::DRIFT_ONLY {
             // In a move without duration the Earth does not turn.
             earth = earth.at_rate_times(turn.time);
-            let (vector, of_angles) = (earth.vector(), turn.rates());
+            let vector = earth.vector();
             earth_rate = three!(|i| ar.at_nodes(vector[i]));
-            rates = three!(|i| ar.at_nodes(of_angles[i]));
+            rates = three!(|i| ar.at_nodes(turn.change[i] / turn.duration_s));
         }
         Self {
             earth: earth.at_nodes(ar),
@@ -230,7 +193,8 @@ impl<N: Number> Nodes<N> {
             from: three!(|i| ar.at_nodes(turn.from[i])),
             change: three!(|i| ar.at_nodes(turn.change[i])),
             rates,
-            per_duration: ar.at_nodes(ar.number(1.0) / turn.duration_s),
+            way: three!(|k| ar.at_nodes(turn.way[k])),
+            has_ramp: turn.ramp.is_some(),
             start: ar.at_nodes(interval.start_s),
             length: ar.at_nodes(interval.length_s),
             width: ar.at_nodes(width),
@@ -247,6 +211,19 @@ impl<N: Number> Nodes<N> {
         }
     }
 
+    /// Adds the adjoints of the angles at a node and, where the rates count, of them.
+    #[inline(always)]
+    pub fn pull(
+        &self,
+        to: &mut TurnAdjoint<N>,
+        node: &AtNode<N>,
+        angles: &[N; 3],
+        rates: Option<&[N; 3]>,
+    ) {
+        let of = (&self.change, self.has_ramp);
+        to.add(of, &node.way, angles, rates);
+    }
+
     /// The body's rate at a node, in n.
     #[inline(always)]
     pub fn body_rate<S: Shape>(&self, node: &AtNode<N>) -> [N; 3] {
@@ -257,7 +234,7 @@ impl<N: Number> Nodes<N> {
                 &node.c,
                 node.alpha,
                 &self.earth_rate,
-                &self.rates,
+                &node.rates,
             ),
         }
     }
@@ -266,8 +243,12 @@ impl<N: Number> Nodes<N> {
     #[inline(always)]
     pub fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
         let t = self.width * places;
-        let fraction = (self.start + t) * self.per_duration;
-        let angles = three!(|i| fraction.mul_add(self.change[i], self.from[i]));
+        let way = OnTheWay::new(&self.way, self.start + t);
+        let angles = three!(|i| way.done.mul_add(self.change[i], self.from[i]));
+        let rates = match self.has_ramp {
+            true => three!(|i| self.change[i] * way.rate),
+            false => self.rates,
+        };
         let (c, alpha) = attitude(self.earth.stand(), angles);
         let weight = self.width * weights;
         let phi = match self.instant {
@@ -285,7 +266,8 @@ impl<N: Number> Nodes<N> {
             }
         };
         AtNode {
-            fraction,
+            way,
+            rates,
             c,
             alpha,
             phi,
@@ -400,7 +382,7 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
     interval: &Interval<A::Number>,
     panels: &A::Panels,
     b: &Wide<A::Quad, S>,
-) -> IntegralAdjoint<A::Number> {
+) -> TurnAdjoint<A::Number> {
     let zero = ar.at_nodes(ar.number(0.0));
     let scaled = times_time::<A, S>(ar, turn, b);
     let mut b = [every::<S, _>([zero; 4]); 3];
@@ -409,39 +391,27 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
             b[i][q] = four!(|e| ar.at_nodes(scaled[i][q].get(e)));
         }
     }
-    let mut halves = [[[ar.number(0.0); 3]; 2]; 2];
+    let mut halves = [TurnAdjoint::nothing(ar.number(0.0)); 2];
     let nodes = Nodes::new::<A, S>(ar, earth, turn, interval, panels);
     for pass in PASSES {
         if pass >= A::PASSES {
             continue;
         }
-        let (mut from, mut change) = ([zero; 3], [zero; 3]);
+        let mut adjoint = TurnAdjoint::nothing(zero);
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
-            let (angles, rates) = match S::DRIFT_ONLY {
-                true => (angle_adjoint::<_, S>(&nodes, &node, &b), [zero; 3]),
-                false => wide_angle_adjoint::<_, S>(&nodes, &node, &b),
-            };
-            for i in 0..3 {
-                from[i] = from[i] + angles[i];
-                change[i] = node.fraction.mul_add(angles[i], change[i]);
-                if !S::DRIFT_ONLY {
-                    change[i] = rates[i].mul_add(nodes.per_duration, change[i]);
-                }
+            if S::DRIFT_ONLY {
+                let angles = angle_adjoint::<_, S>(&nodes, &node, &b);
+                nodes.pull(&mut adjoint, &node, &angles, None);
+            } else {
+                let (angles, rates) = wide_angle_adjoint::<_, S>(&nodes, &node, &b);
+                nodes.pull(&mut adjoint, &node, &angles, Some(&rates));
             }
         }
         let half = &mut halves[pass % 2];
-        for i in 0..3 {
-            half[0][i] = half[0][i] + ar.sum_nodes(from[i]);
-            half[1][i] = half[1][i] + ar.sum_nodes(change[i]);
-        }
+        *half = half.plus(&adjoint.map(|sum| ar.sum_nodes(sum)));
     }
-    let [from, change] = [0, 1].map(|k| three!(|i| halves[0][k][i] + halves[1][k][i]));
-    IntegralAdjoint {
-        from,
-        change,
-        duration: -(dot(&turn.change, &change) / turn.duration_s),
-    }
+    halves[0].plus(&halves[1]).gathered(turn)
 }
 
 /// The node's share of the angles' adjoint: of Φ C ⊗ h through C and through h, then of C through
@@ -506,7 +476,7 @@ fn wide_angle_adjoint<N: Number, S: Shape>(
     let rate = basis_adjoint::<_, S>(c, &body_rate, &features, &mut c_adjoint);
     let stand = nodes.earth.stand();
     let (alpha, rates) =
-        body_rate_adjoint(stand, c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
+        body_rate_adjoint(stand, c, node.alpha, &node.rates, &rate, &mut c_adjoint);
     let mut angles = pull_to_angles(stand, c, node.alpha, &c_adjoint);
     angles[0] = angles[0] + alpha;
     (angles, rates)
@@ -547,6 +517,7 @@ mod tests {
     use super::super::arithmetic::Plain;
     use super::super::information::PLACES;
     use super::super::shape::Drift;
+    use super::super::turn::of_a_move;
     use super::*;
     use crate::attitude::{Stand, earth_rate_n};
     use crate::drift::{COEFFICIENTS, DriftMatrix};
@@ -555,18 +526,22 @@ mod tests {
     use crate::motion::integral::{Panels, half_phase};
 
     fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
+        let (way, ramp) = of_a_move(m, None, [start_s, start_s + length_s]);
         let turn = Turn {
             from: m.from,
             change: m.change,
             duration_s: m.duration_s,
             time: 1.0,
             instant: false,
+            way,
+            ramp,
         };
-        (
-            turn,
-            Interval { start_s, length_s },
-            Panels::of_half_phase(half_phase(m, length_s)),
-        )
+        let interval = Interval {
+            start_s: 0.0,
+            length_s,
+        };
+        let panels = Panels::of_half_phase(half_phase(m, (start_s, length_s)));
+        (turn, interval, panels)
     }
 
     fn integral(m: &Move, dynamics: &ErrorDynamics, start_s: f64, length_s: f64) -> DriftMatrix {

@@ -31,10 +31,11 @@ use super::course::{Legs, Stretch, Tape};
 use super::dispatch::{LaneTask, run_in_lanes};
 use super::gains::DwellKernel;
 use super::information::{Factor, Information, PLACES, PriorScale, Rows, in_order, keeps_digits};
-use super::moves::{Interval, Turn};
+use super::moves::Interval;
 use super::shape::{Drift, Facts};
 use super::single::OneTimeline;
 use super::square::Entries;
+use super::turn::{Ramp, Turn};
 use crate::covariance::kernel_table::LookedUp;
 use crate::covariance::{
     CoefficientCovariance, CovarianceModel, CovarianceRoot, Rooted, TickRule, not_finite,
@@ -43,7 +44,7 @@ use crate::covariance::{
 use crate::drift::{COEFFICIENTS, CoefficientMatrix, CoefficientVector};
 use crate::error::Result;
 use crate::motion::integral::Panels;
-use crate::motion::{Leg, Timeline};
+use crate::motion::{Leg, Move, Timeline};
 use between::{Between, run};
 pub(super) use wide::Slopes;
 
@@ -156,6 +157,14 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
                 Register::gather(simd, &gathered(&$value))
             };
         }
+        let ramp = of.iter().any(|s| s.turn.ramp.is_some()).then(|| {
+            let in_lane = |s: &Stretch<f64, Panels>| s.turn.ramp.unwrap_or(Ramp::NONE);
+            Ramp {
+                by_duration: three!(|k| lanes!(|s| in_lane(s).by_duration[k])),
+                by_ramp: three!(|k| lanes!(|s| in_lane(s).by_ramp[k])),
+                ramp_by_change: three!(|i| lanes!(|s| in_lane(s).ramp_by_change[i])),
+            }
+        });
         Stretch {
             turn: Turn {
                 from: three!(|i| lanes!(|s: &Stretch<f64, Panels>| s.turn.from[i])),
@@ -163,6 +172,8 @@ impl<S: Simd, L: Alignment> Legs<Lanes<S, L>> for Group<'_, S, L> {
                 duration_s: lanes!(|s: &Stretch<f64, Panels>| s.turn.duration_s),
                 time: lanes!(|s: &Stretch<f64, Panels>| s.turn.time),
                 instant: of.iter().all(|s| s.turn.instant),
+                way: three!(|k| lanes!(|s: &Stretch<f64, Panels>| s.turn.way[k])),
+                ramp,
             },
             interval: Interval {
                 start_s: lanes!(|s: &Stretch<f64, Panels>| s.interval.start_s),
@@ -507,13 +518,18 @@ impl CovarianceModel {
 
     /// Whether what a timeline goes through leg by leg is what others do too, so that it can share
     /// a group without a lane doing anything that its schedule alone does not: every position is
-    /// held for a whole period at least, and no move is measured.
+    /// held for a whole period at least, no move is measured, and where gimbals speed up and slow down,
+    /// which cuts a move into parts, every one takes time.
     fn keeps_step(&self, timeline: &Timeline) -> bool {
+        let has_ramps = self
+            .slew
+            .is_some_and(|s| s.acceleration_rad_per_s2.is_some());
+        let in_step = |m: &Move| !m.measured && (!has_ramps || m.ramp() > 0.0);
         let held = |dwell_s: f64| split_periods(dwell_s, self.period_s).0 > 0;
         timeline.position_legs().iter().all(|leg| held(leg.dwell_s))
             && timeline
                 .legs()
                 .iter()
-                .all(|leg| leg.arrival.is_none_or(|m| !m.measured))
+                .all(|leg| leg.arrival.as_ref().is_none_or(in_step))
     }
 }

@@ -16,9 +16,10 @@ use super::information::{
     Factor, PLACES, by_gyros, complete, keeps_digits, known_rows, pulled_slope, symmetric_product,
     to_coefficients,
 };
-use super::moves::{Interval, Turn};
+use super::moves::Interval;
 use super::shape::{Drift, Facts, Shape};
 use super::square::{Entries, entries, mirrored};
+use super::turn::{Turn, of_a_move};
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::rows::{Told, Whitened};
@@ -44,6 +45,20 @@ pub(crate) struct OneTimeline<'a, A> {
     pub facts: Facts,
 }
 
+/// Corners of the rate of a move whose gimbals speed up and slow down.
+const CORNERS: usize = 2;
+
+/// Where a stretch of a move ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum End {
+    /// At the end of a filter period, with a measurement.
+    Tick,
+    /// Where the rate has a corner.
+    Corner,
+    /// At the position.
+    Arrival,
+}
+
 impl<A: Single> OneTimeline<'_, A> {
     /// The move to a leg, where something happens in it: it takes time, or torquers count.
     pub fn slew(&self, leg: usize) -> Option<&Move> {
@@ -67,8 +82,49 @@ impl<A: Single> OneTimeline<'_, A> {
         split_periods(self.timeline.legs()[leg].dwell_s, self.model.period_s).1
     }
 
-    fn panels(&self, m: &Move, length_s: f64) -> Panels {
-        Panels::of_half_phase(half_phase(m, length_s) * self.facts.phase)
+    fn panels(&self, m: &Move, interval: (f64, f64)) -> Panels {
+        Panels::of_half_phase(half_phase(m, interval) * self.facts.phase)
+    }
+
+    /// A part of a move that takes time: of a filter period where it is measured, or cut where the rate
+    /// has a corner, or what is left. Start and length in s, and where it ends.
+    pub fn part(&self, m: &Move, index: usize) -> ((f64, f64), End) {
+        let (ticks, remainder) = match m.measured {
+            true => self.ticks(m),
+            false => (0, m.duration_s),
+        };
+        let period_s = self.model.period_s;
+        if m.ramp() == 0.0 {
+            let start_s = index as f64 * period_s;
+            let (length_s, end) = match index < ticks {
+                true => (period_s, End::Tick),
+                false => (remainder, End::Arrival),
+            };
+            return ((start_s, length_s), end);
+        }
+        let [up_s, down_s] = m.corners_s();
+        let ticks_until = |at_s: f64| {
+            let near = ((at_s / period_s) as usize).min(ticks);
+            let is_late = near as f64 * period_s > at_s;
+            near - usize::from(is_late)
+        };
+        // The periods that end before a corner, the corner, the next periods, the other corner, the rest.
+        let corners = [ticks_until(up_s), ticks_until(down_s) + 1];
+        let end_of = |index: usize| {
+            let passed = corners.iter().filter(|corner| index > **corner).count();
+            let tick = index + 1 - passed;
+            match index {
+                _ if index == corners[0] => (up_s, End::Corner),
+                _ if index == corners[1] => (down_s, End::Corner),
+                _ if tick <= ticks => (tick as f64 * period_s, End::Tick),
+                _ => (m.duration_s, End::Arrival),
+            }
+        };
+        let start_s = index.checked_sub(1).map_or(0.0, |before| end_of(before).0);
+        let (end_s, end) = end_of(index);
+        // A period may end at a corner but for rounding.
+        let length_s = (end_s - start_s).max(0.0);
+        ((start_s, length_s), end)
     }
 
     /// A move without duration, as if it took a second in which nothing else happens.
@@ -80,12 +136,14 @@ impl<A: Single> OneTimeline<'_, A> {
                 duration_s: 1.0,
                 time: 0.0,
                 instant: true,
+                way: [0.0, 1.0, 0.0],
+                ramp: None,
             },
             interval: Interval {
                 start_s: 0.0,
                 length_s: 1.0,
             },
-            panels: self.panels(&m.lasting(1.0), 1.0),
+            panels: self.panels(&m.lasting(1.0), (0.0, 1.0)),
             elapsed_s: 0.0,
             present: 1.0,
             last: 0.0,
@@ -120,9 +178,15 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
     fn stretches(&self, leg: usize) -> usize {
         match self.slew(leg) {
             None => 0,
-            Some(m) if m.measured && m.duration_s > 0.0 => {
-                let (ticks, remainder) = self.ticks(m);
-                ticks + usize::from(remainder > 0.0 || self.keep_empty)
+            Some(m) if m.duration_s > 0.0 => {
+                let parts = match m.measured {
+                    true => {
+                        let (ticks, remainder) = self.ticks(m);
+                        ticks + usize::from(remainder > 0.0 || self.keep_empty)
+                    }
+                    false => 1,
+                };
+                parts + if m.ramp() > 0.0 { CORNERS } else { 0 }
             }
             Some(_) => 1,
         }
@@ -136,20 +200,16 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
         if m.duration_s <= 0.0 {
             return self.jump(m);
         }
-        let period_s = self.model.period_s;
-        let (start_s, length_s, last, measured) = if m.measured {
-            let (ticks, remainder) = self.ticks(m);
-            let start_s = index as f64 * period_s;
-            if index < ticks {
-                let weight = self.model.noise_variance.recip();
-                let last = remainder == 0.0 && index + 1 == ticks && !self.keep_empty;
-                (start_s, period_s, last, Some((weight, 0.0)))
-            } else {
-                let weight = self.relaxed_weight(remainder).map(|w| (w, 1.0));
-                (start_s, remainder, true, weight)
-            }
-        } else {
-            (0.0, m.duration_s, true, None)
+        let ((start_s, length_s), end) = self.part(m, index);
+        let between = [start_s, start_s + length_s];
+        let (way, ramp) = of_a_move(m, self.model.slew.as_ref(), between);
+        let last = index + 1 == self.stretches(leg);
+        let measured = match end {
+            End::Tick => Some((self.model.noise_variance.recip(), 0.0)),
+            End::Arrival if m.measured => self
+                .relaxed_weight(self.ticks(m).1)
+                .map(|weight| (weight, 1.0)),
+            End::Corner | End::Arrival => None,
         };
         Stretch {
             turn: Turn {
@@ -158,9 +218,14 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
                 duration_s: m.duration_s,
                 time: 1.0,
                 instant: false,
+                way,
+                ramp,
             },
-            interval: Interval { start_s, length_s },
-            panels: self.panels(m, length_s),
+            interval: Interval {
+                start_s: 0.0,
+                length_s,
+            },
+            panels: self.panels(m, (start_s, length_s)),
             elapsed_s: length_s,
             present: 1.0,
             last: if last { 1.0 } else { 0.0 },

@@ -37,6 +37,34 @@ pub(super) fn taylor_transition<T: Real>(
     (whole_phi, whole_gamma)
 }
 
+/// How much of a move is done at the share `x` of its duration, and the gimbals' rate there, in units of
+/// the mean rate: the area under the trapezoid that the rate is, a triangle, a rectangle, a triangle.
+pub(super) fn way_done(m: &Move, x: f64) -> (f64, f64) {
+    let ramp = m.ramp();
+    if ramp == 0.0 {
+        return (x, 1.0);
+    }
+    let highest = 1.0 / (1.0 - ramp);
+    let [rising, falling] = [x.min(ramp), (1.0 - x).min(ramp)].map(|of| of / ramp);
+    let level = (x - ramp).clamp(0.0, 1.0 - 2.0 * ramp);
+    let area = ramp * rising * rising + 2.0 * level + ramp * (1.0 - falling * falling);
+    (0.5 * highest * area, highest * rising.min(falling))
+}
+
+/// Where the intervals begin and end into which the corners of that trapezoid cut one, shares of the
+/// duration.
+pub(super) fn cut_at_corners(m: &Move, (start, length): (f64, f64)) -> Vec<(f64, f64)> {
+    let end = start + length;
+    let mut all = vec![start];
+    let corners = [m.ramp(), 1.0 - m.ramp()];
+    all.extend(corners.into_iter().filter(|x| *x > start && *x < end));
+    all.push(end);
+    all.dedup();
+    all.windows(2)
+        .map(|pair| (pair[0], pair[1] - pair[0]))
+        .collect()
+}
+
 /// B of an interval of a move by the classical Runge–Kutta method on
 /// dB = (F B + A(a)) dt + A(ω_nc^c) ds, s the way: what the gimbals' motion does to the torquers
 /// depends on the way alone, and is there when a move takes no time. Its error is far above rounding,
@@ -46,22 +74,25 @@ pub(super) fn runge_kutta_integral(
     terms: &Terms<f64>,
     earth_rate: &Vector3<f64>,
     m: &Move,
-    // Where the interval starts and how long it is, as fractions of the move.
+    // Where the interval starts and how long it is, as shares of the move's duration; no corner of the
+    // rate inside it.
     (start, length): (f64, f64),
 ) -> Drive<f64> {
     /// Turn per step, rad (0.25°), and longest step, s: local error below 1e-9.
     const STEP_RAD: f64 = 0.0044;
     const STEP_S: f64 = 50.0;
     let duration_s = m.duration_s;
-    let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length;
+    let speed = way_done(m, start).1.max(way_done(m, start + length).1);
+    let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length * speed;
     let steps = (turn / STEP_RAD).max(duration_s * length / STEP_S);
     let steps = steps.ceil().max(1.0);
     let h = length / steps;
     let f = times(system_matrix::<f64>(earth_rate), duration_s);
     let slope_at = |s: f64| {
-        let position = m.position_at(start + s);
+        let (done, speed) = way_done(m, start + s);
+        let position = m.position_after(done);
         let attitude = instrument.attitude::<f64>(position);
-        let gimbals = instrument.gimbal_rate(position.exact(), m.change);
+        let gimbals = instrument.gimbal_rate(position.exact(), m.change.map(|c| c * speed));
         let rate: [f64; 3] = std::array::from_fn(|i| {
             let earth: f64 = (0..3).map(|k| attitude[k][i] * earth_rate[k]).sum();
             earth * duration_s + gimbals[i]

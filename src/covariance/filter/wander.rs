@@ -14,6 +14,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::instrument::Instrument;
+use super::transition::way_done;
 use super::{ORDER, transition};
 use crate::attitude::Position;
 use crate::covariance::real::{Dense, Real};
@@ -215,7 +216,9 @@ impl Wandering {
         const STEP_RAD: f64 = 0.0044;
         const STEP_S: f64 = 50.0;
         const STEP_OF_TIME: f64 = 0.02;
-        let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s;
+        let speed = |at_s: f64| way_done(m, at_s / m.duration_s).1;
+        let speed = speed(start_s).max(speed(start_s + length_s));
+        let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s * speed;
         let fastest = self.drift.iter().map(|p| p.decay()).fold(0.0, f64::max);
         let steps = (turn / STEP_RAD)
             .max(length_s / STEP_S)
@@ -224,7 +227,8 @@ impl Wandering {
         let h = length_s / steps as f64;
         let f = -earth.cross_matrix();
         let attitude = |t_s: f64| {
-            let position: Position = m.position_at((start_s + t_s) / m.duration_s);
+            let (done, _) = way_done(m, (start_s + t_s) / m.duration_s);
+            let position: Position = m.position_after(done);
             let c = instrument.attitude::<f64>(position);
             Matrix3::from_fn(|i, j| c[i][j])
         };

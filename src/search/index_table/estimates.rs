@@ -52,12 +52,7 @@ impl<'a> Estimates<'a> {
         let evaluator = context.evaluator;
         // Estimates leave the separability out: only where it is no more than a tie-breaker.
         let by_covariance = !evaluator.objective().is_led_by_separability();
-        let slews = evaluator
-            .test()
-            .platform()
-            .motion()
-            .slew_rate_rad_per_s
-            .is_some();
+        let slews = evaluator.test().platform().motion().slew.is_some();
         let wandering = by_covariance
             .then(|| evaluator.model().coloured_cuts(timeline, TickRule::Relaxed))
             .flatten();

@@ -16,7 +16,7 @@ use crate::battery::full::coloured_cases;
 /// Twelve positions with slews, of gyros and accelerometers that wander in both ways.
 fn wandering(change: impl FnOnce(&mut PlatformConfig)) -> (Platform, Schedule) {
     let mut config = super::platform_config(1.0);
-    config.motion.slew_rate_deg_per_s = Some(1.0);
+    config.motion.slew_rate_deg_per_s = Some(1.0.into());
     config.gyro.rate_random_walk_deg_per_h_per_sqrt_h = Some(0.003);
     config.gyro.bias_instability_deg_per_h = Some(0.003);
     config.gyro.bias_correlation_time_s = Some(600.0);
@@ -87,7 +87,7 @@ fn what_is_planned_is_what_the_evaluator_says() {
         for moving in [moving, &moves[1]] {
             let test = wandering(|c| {
                 c.gyro.bias_correlation_time_s = Some(time_s);
-                c.motion.slew_rate_deg_per_s = Some(7.0);
+                c.motion.slew_rate_deg_per_s = Some(7.0.into());
                 c.motion.settle_s = 7.0;
                 moving(c);
             });

@@ -26,7 +26,6 @@ use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
 use crate::covariance::fast::course::{Grows, LegAdjoint, Stretch};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::pull_to_angles;
-use crate::covariance::fast::square::dot;
 
 /// The sweep on its way back.
 pub(super) struct Backward<'a, A: Arithmetic, L, O, const S: usize, const I: usize> {
@@ -455,13 +454,13 @@ where
         end: bool,
         mut adjoint: PlaceAdjoint<A>,
     ) {
-        let (place, fraction, alpha) = on_the_way(self.ar, self.columns, self.earth, s, end);
+        let (place, way, alpha) = on_the_way(self.ar, self.columns, self.earth, s, end);
         let (c, _) = adjoint.pull(self.columns, self.earth, &place, &self.earth.vector());
         let angles = pull_to_angles(self.earth.stand(), &place.c, alpha, &c);
-        let change = three!(|i| angles[i] * fraction);
-        self.out[leg].add_angles(&change);
-        self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));
         // The place is at a time, and the angles there change by their rates.
-        self.out[leg].add_move(-(dot(&s.turn.change, &change) / s.turn.duration_s));
+        let of = s.turn.pull(&way, &angles);
+        self.out[leg].add_angles(&of.change);
+        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
+        self.out[leg].add_move(of.duration);
     }
 }

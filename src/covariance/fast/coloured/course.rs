@@ -22,6 +22,7 @@ use crate::covariance::fast::course::{Grows, Legs, Stretch};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::Interval;
 use crate::covariance::fast::square::Entries;
+use crate::covariance::fast::turn;
 
 /// The legs of a timeline, or of one per lane, as far as what wanders is concerned.
 pub(super) trait Wanders<A: Arithmetic>: Legs<A> {
@@ -513,10 +514,10 @@ pub(super) fn part<N: Number, P>(s: &Stretch<N, P>, panel: usize, count: N) -> I
     }
 }
 
-/// A place on the way: what is there, the share of the move, and (sin α, cos α).
+/// A place on the way: what is there, how far the move is, and (sin α, cos α).
 pub(super) type OnTheWay<A> = (
     Place<A>,
-    <A as Arithmetic>::Number,
+    turn::OnTheWay<<A as Arithmetic>::Number>,
     (<A as Arithmetic>::Number, <A as Arithmetic>::Number),
 );
 
@@ -531,7 +532,7 @@ pub(super) fn on_the_way<A: Arithmetic>(
 ) -> OnTheWay<A> {
     let Interval { start_s, length_s } = s.interval;
     let at_s = if end { start_s + length_s } else { start_s };
-    let fraction = at_s / s.turn.duration_s;
-    let (c, alpha) = s.turn.attitude_at(earth.stand(), fraction);
-    (Place::at_rest(ar, columns, earth, c), fraction, alpha)
+    let way = s.turn.at(at_s);
+    let (c, alpha) = s.turn.attitude_at(earth.stand(), &way);
+    (Place::at_rest(ar, columns, earth, c), way, alpha)
 }

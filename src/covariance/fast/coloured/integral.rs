@@ -4,14 +4,14 @@
 //! columns C_j φ, at several nodes at once; of a move without duration what the torquers' turning leaves.
 
 use super::Columns;
-use crate::covariance::fast::arithmetic::{Arithmetic, Number, three};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::{
-    AtNode, IntegralAdjoint, Interval, Nodes, PASSES, Turn, body_rate_adjoint, product,
-    pull_to_angles,
+    AtNode, Interval, Nodes, PASSES, body_rate_adjoint, product, pull_to_angles,
 };
 use crate::covariance::fast::shape::{Catalogue, FEATURES, Monomial, basis, basis_adjoint};
-use crate::covariance::fast::square::{dot, transpose};
+use crate::covariance::fast::square::transpose;
+use crate::covariance::fast::turn::{Turn, TurnAdjoint};
 
 /// The features of `columns` that count in a move, by their places.
 fn counting(columns: &Columns, instant: bool) -> impl Iterator<Item = (usize, Monomial)> + '_ {
@@ -80,16 +80,11 @@ pub(super) fn integral_adjoint<A: Arithmetic>(
     interval: &Interval<A::Number>,
     panels: &A::Panels,
     b: &[A::Number],
-) -> IntegralAdjoint<A::Number> {
+) -> TurnAdjoint<A::Number> {
     let zero = ar.at_nodes(ar.number(0.0));
     let count = columns.features.len();
     if turn.instant && !columns.has_torquers() {
-        let nothing = [ar.number(0.0); 3];
-        return IntegralAdjoint {
-            from: nothing,
-            change: nothing,
-            duration: ar.number(0.0),
-        };
+        return TurnAdjoint::nothing(ar.number(0.0));
     }
     let mut at_nodes = Vec::with_capacity(b.len());
     for (at, b) in b.iter().enumerate() {
@@ -98,34 +93,22 @@ pub(super) fn integral_adjoint<A: Arithmetic>(
             false => ar.at_nodes(*b * turn.time),
         });
     }
-    let mut halves = [[[ar.number(0.0); 3]; 2]; 2];
+    let mut halves = [TurnAdjoint::nothing(ar.number(0.0)); 2];
     let nodes = Nodes::new::<A, Catalogue>(ar, earth, turn, interval, panels);
     for pass in PASSES {
         if pass >= A::PASSES {
             continue;
         }
-        let (mut from, mut change) = ([zero; 3], [zero; 3]);
+        let mut adjoint = TurnAdjoint::nothing(zero);
         for step in 0..ar.steps(panels) {
             let node = nodes.at(ar.nodes(panels, pass, step));
             let (angles, rates) = at_node(columns, &nodes, &node, &at_nodes);
-            for i in 0..3 {
-                from[i] = from[i] + angles[i];
-                change[i] = node.fraction.mul_add(angles[i], change[i]);
-                change[i] = rates[i].mul_add(nodes.per_duration, change[i]);
-            }
+            nodes.pull(&mut adjoint, &node, &angles, Some(&rates));
         }
         let half = &mut halves[pass % 2];
-        for i in 0..3 {
-            half[0][i] = half[0][i] + ar.sum_nodes(from[i]);
-            half[1][i] = half[1][i] + ar.sum_nodes(change[i]);
-        }
+        *half = half.plus(&adjoint.map(|sum| ar.sum_nodes(sum)));
     }
-    let [from, change] = [0, 1].map(|k| three!(|i| halves[0][k][i] + halves[1][k][i]));
-    IntegralAdjoint {
-        from,
-        change,
-        duration: -(dot(&turn.change, &change) / turn.duration_s),
-    }
+    halves[0].plus(&halves[1]).gathered(turn)
 }
 
 /// The node's share of the adjoints of the angles and of their rates.
@@ -159,7 +142,7 @@ fn at_node<N: Number>(
     let rate = basis_adjoint::<_, Catalogue>(c, &body_rate, &features, &mut c_adjoint);
     let stand = nodes.earth.stand();
     let (alpha, rates) =
-        body_rate_adjoint(stand, c, node.alpha, &nodes.rates, &rate, &mut c_adjoint);
+        body_rate_adjoint(stand, c, node.alpha, &node.rates, &rate, &mut c_adjoint);
     let mut angles = pull_to_angles(stand, c, node.alpha, &c_adjoint);
     angles[0] = angles[0] + alpha;
     (angles, rates)

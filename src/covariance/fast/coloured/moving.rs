@@ -22,16 +22,17 @@ use crate::attitude::StandFrame;
 use crate::covariance::coloured::passage::{NODES_IN_PANEL, panel_nodes};
 use crate::covariance::fast::arithmetic::{Number, three};
 use crate::covariance::fast::earth::Earth;
-use crate::covariance::fast::moves::{Interval, Turn, product, pull_to_angles};
+use crate::covariance::fast::moves::{Interval, product, pull_to_angles};
 use crate::covariance::fast::square::{Entries, transpose};
+use crate::covariance::fast::turn::{OnTheWay, Turn, TurnAdjoint};
 
 const NODES: usize = NODES_IN_PANEL;
 
 /// A panel at its nodes.
 pub(super) struct Panel<N> {
     length_s: N,
-    /// Share of the move done.
-    fraction: [N; NODES],
+    turn: Turn<N>,
+    way: [OnTheWay<N>; NODES],
     c: [Entries<N>; NODES],
     /// (sin α, cos α).
     alpha: [(N, N); NODES],
@@ -117,7 +118,8 @@ impl<N: Number> Panel<N> {
         let Interval { start_s, length_s } = *interval;
         let mut panel = Self {
             length_s,
-            fraction: [zero; NODES],
+            turn: *turn,
+            way: [OnTheWay::new(&[zero; 3], zero); NODES],
             c: [nothing; NODES],
             alpha: [(zero, zero); NODES],
             phi: [nothing; NODES],
@@ -125,10 +127,10 @@ impl<N: Number> Panel<N> {
         };
         for (k, (place, _)) in panel_nodes().nodes.iter().enumerate() {
             let t = length_s * length_s.constant(*place);
-            let fraction = (start_s + t) / turn.duration_s;
-            let (c, alpha) = turn.attitude_at(earth.stand(), fraction);
+            let way = turn.at(start_s + t);
+            let (c, alpha) = turn.attitude_at(earth.stand(), &way);
             let phi = earth.transition(length_s * (one - length_s.constant(*place)));
-            panel.fraction[k] = fraction;
+            panel.way[k] = way;
             panel.c[k] = c;
             panel.alpha[k] = alpha;
             panel.phi[k] = phi;
@@ -193,8 +195,8 @@ impl<N: Number> Panel<N> {
         share
     }
 
-    /// Reverse mode: the adjoints of the angles at the start of the move and of their change, from those
-    /// of ψ's rows of the transition and of P at the end, symmetric.
+    /// Reverse mode: the adjoints of the move from those of ψ's rows of the transition and of P at the
+    /// end, symmetric.
     #[inline(always)]
     pub fn pull<const S: usize>(
         &self,
@@ -202,7 +204,7 @@ impl<N: Number> Panel<N> {
         slots: &[Slot],
         of_transition: &Matrix<N, 3, S>,
         of_p: &Matrix<N, S, S>,
-    ) -> ([N; 3], [N; 3]) {
+    ) -> TurnAdjoint<N> {
         let zero = self.length_s.constant(0.0);
         let two = zero.constant(2.0);
         let mut of_seen = [[[zero; 3]; 3]; NODES];
@@ -216,16 +218,14 @@ impl<N: Number> Panel<N> {
             let of_crossed = three!(|i| three!(|j| of_p[i][at + j] * two));
             self.pull_process(slot, &of_carried, &of_crossed, &of_psi, &mut of_seen);
         }
-        let (mut from, mut change) = ([zero; 3], [zero; 3]);
+        let mut adjoint = TurnAdjoint::nothing(zero);
+        let of = (&self.turn.change, self.turn.ramp.is_some());
         for k in 0..NODES {
             let c_adjoint = product(&transpose(&self.phi[k]), &of_seen[k]);
             let angles = pull_to_angles(stand, &self.c[k], self.alpha[k], &c_adjoint);
-            for i in 0..3 {
-                from[i] = from[i] + angles[i];
-                change[i] = self.fraction[k].mul_add(angles[i], change[i]);
-            }
+            adjoint.add(of, &self.way[k], &angles, None);
         }
-        (from, change)
+        adjoint.gathered(&self.turn)
     }
 
     #[inline(always)]

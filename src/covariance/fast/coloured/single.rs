@@ -6,7 +6,6 @@ use super::cuts::Around;
 use super::ending::{Back, Ending, Pull, Run};
 use super::{Coloured, Columns, by_size};
 use crate::covariance::fast::arithmetic::Single;
-use crate::covariance::fast::course::Legs;
 use crate::covariance::fast::dispatch::{self, Task};
 use crate::covariance::fast::single::{Merit, OneTimeline, Wanted};
 use crate::covariance::fast::wide::{How, OfPosterior, Stacked, Told};
@@ -34,9 +33,7 @@ impl<A: Single> Wanders<A> for OneTimeline<'_, A> {
         if m.duration_s <= 0.0 {
             return (0, 0.0);
         }
-        let count = coloured
-            .wander
-            .panels(m, self.stretch(leg, index).interval.length_s);
+        let count = coloured.wander.panels(m, self.part(m, index).0);
         (count, count as f64)
     }
     #[inline(always)]

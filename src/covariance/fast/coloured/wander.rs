@@ -126,13 +126,15 @@ impl Wander {
     }
 
     /// In how many panels a part of a move is gone through.
-    pub fn panels(&self, m: &Move, length_s: f64) -> usize {
+    pub fn panels(&self, m: &Move, (start_s, length_s): (f64, f64)) -> usize {
         /// Turn of the gimbals (rad), time constants and seconds in a panel: eight nodes then leave
         /// less than 1e-9 of what is integrated.
         const TURN: f64 = 1.6;
         const DECAYS: f64 = 1.0;
         const LONGEST_S: f64 = 5000.0;
-        let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * length_s / m.duration_s;
+        let part = [start_s, length_s].map(|s| s / m.duration_s);
+        let turn = m.change.iter().map(|c| c.abs()).sum::<f64>() * part[1];
+        let turn = turn * m.greatest_speed(part.into());
         let fastest = self.slots.iter().map(|s| s.decay).fold(0.0, f64::max);
         let panels = (turn / TURN)
             .max(fastest * length_s / DECAYS)

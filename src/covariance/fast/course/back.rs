@@ -10,7 +10,7 @@ use crate::covariance::fast::arithmetic::{Arithmetic, Work, three};
 use crate::covariance::fast::earth::{Earth, Passed};
 use crate::covariance::fast::moves::{body_rate, drift_integral_adjoint, pull_to_angles};
 use crate::covariance::fast::shape::Shape;
-use crate::covariance::fast::square::{Entries, dot, product, transpose};
+use crate::covariance::fast::square::{Entries, product, transpose};
 use crate::covariance::fast::{Place, Wide};
 use crate::covariance::gradient::LegGradient;
 
@@ -216,18 +216,14 @@ where
         on_the_way: &OnTheWay<A, S>,
         adjoint: &PlaceAdjoint<A, S>,
     ) {
-        let OnTheWay {
-            place,
-            fraction,
-            alpha,
-        } = on_the_way;
+        let OnTheWay { place, way, alpha } = on_the_way;
         let (c, _) = adjoint.pull(&place.c, &self.earth.vector());
         let angles = pull_to_angles(self.earth.stand(), &place.c, *alpha, &c);
-        let change = three!(|i| angles[i] * *fraction);
-        self.out[leg].add_angles(&change);
-        self.out[leg - 1].add_angles(&three!(|i| angles[i] - change[i]));
         // The place is at a time, and the angles there change by their rates.
-        self.out[leg].add_move(-(dot(&s.turn.change, &change) / s.turn.duration_s));
+        let of = s.turn.pull(way, &angles);
+        self.out[leg].add_angles(&of.change);
+        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
+        self.out[leg].add_move(of.duration);
     }
 
     /// The place at the end of a move while the platform still turns.
@@ -246,7 +242,7 @@ where
             &at.c,
             self.legs.alpha(leg),
             &self.earth.vector(),
-            &s.turn.rates(),
+            &s.turn.rates_at_end(),
         );
         Place::turning(self.ar, self.earth, at.c, &rate)
     }

@@ -10,19 +10,28 @@ use crate::schedule::ScheduledPosition;
 
 /// Platforms with every kind of step, and a schedule of uneven dwells.
 fn platforms() -> Vec<Platform> {
-    let changes: [fn(&mut PlatformConfig); 6] = [
+    let changes: [fn(&mut PlatformConfig); 8] = [
         |_| {},
         |c| {
-            c.motion.slew_rate_deg_per_s = Some(0.5);
+            c.motion.slew_rate_deg_per_s = Some(0.5.into());
             c.motion.settle_s = 13.0;
         },
         |c| {
-            c.motion.slew_rate_deg_per_s = Some(1.0);
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
+            c.motion.measure_moves = true;
+        },
+        |c| {
+            c.motion.slew_rate_deg_per_s = Some(AxisValue::PerAxis([0.5, 1.0, 2.0]));
+            c.motion.acceleration_deg_per_s2 = Some(AxisValue::PerAxis([0.02, 0.1, 0.03]));
+        },
+        |c| {
+            c.motion.slew_rate_deg_per_s = Some(1.0.into());
+            c.motion.acceleration_deg_per_s2 = Some(0.04.into());
             c.motion.measure_moves = true;
         },
         |c| c.motion.repositioning = Repositioning::FrameHold,
         |c| {
-            c.motion.slew_rate_deg_per_s = Some(2.0);
+            c.motion.slew_rate_deg_per_s = Some(2.0.into());
             c.motion.start_deg = Some([0.0; 3]);
             c.motion.return_to_start = true;
         },

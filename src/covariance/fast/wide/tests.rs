@@ -109,6 +109,13 @@ pub(in crate::covariance::fast) fn motions() -> Vec<Value> {
         json!({
             "slew_rate_deg_per_s": 2.0, "start_deg": [5.0, 10.0, -20.0], "return_to_start": true
         }),
+        json!({
+            "slew_rate_deg_per_s": [0.5, 1.0, 2.0], "acceleration_deg_per_s2": [0.02, 0.1, 0.03],
+            "settle_s": 13.0
+        }),
+        json!({
+            "slew_rate_deg_per_s": 1.0, "acceleration_deg_per_s2": 0.04, "measure_moves": true
+        }),
     ]
 }
 

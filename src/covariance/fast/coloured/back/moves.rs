@@ -103,7 +103,7 @@ where
             &at.c,
             alpha,
             &earth.vector(),
-            &s.turn.rates(),
+            &s.turn.rates_at_end(),
         );
         let turning = Place::new(ar, columns, earth, at.c, &rate);
         let length = self.length_adjoint(sweep, v, p, &turning) * s.last;
@@ -132,16 +132,15 @@ where
         let t = &self.tape.passed[t];
         let of_transition = self.of_transition(sweep, t, (v, p));
         let at = Panel::new(self.earth, &s.turn, &part(&s, panel, count));
-        let (from, change) = at.pull(
+        let of = at.pull(
             self.earth.stand(),
             &self.wander.slots,
             &of_transition,
             &sweep.p,
         );
-        self.out[leg].add_angles(&change);
-        self.out[leg - 1].add_angles(&three!(|i| from[i] - change[i]));
-        let of_duration = -(dot(&s.turn.change, &change) / s.turn.duration_s);
-        self.out[leg].add_move(of_duration * s.turn.time);
+        self.out[leg].add_angles(&of.change);
+        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
+        self.out[leg].add_move(of.duration * s.turn.time);
         self.pass(sweep, t);
     }
 

@@ -13,11 +13,12 @@ use crate::covariance::fast::course::{self, Legs, Stretch, Tape};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::gains::{DwellKernel, Own};
 use crate::covariance::fast::mixing::Mixing;
-use crate::covariance::fast::moves::{Interval, Turn};
+use crate::covariance::fast::moves::Interval;
 use crate::covariance::fast::posterior::Posterior;
 use crate::covariance::fast::shape::{Catalogue, Facts};
 use crate::covariance::fast::single::OneTimeline;
 use crate::covariance::fast::square::Entries;
+use crate::covariance::fast::turn::{Ramp, Turn};
 use crate::covariance::{CovarianceModel, TickRule};
 use crate::criterion::{Criterion, Smoothing};
 use crate::drift::COEFFICIENTS;
@@ -209,6 +210,23 @@ impl Legs<Dually> for DualLegs<'_> {
                 duration_s: Dual(s.turn.duration_s, longer),
                 time: known(s.turn.time),
                 instant: s.turn.instant,
+                way: three!(|k| {
+                    let slope = match &s.turn.ramp {
+                        // s = t/T.
+                        None => -s.turn.way[k] / s.turn.duration_s * longer,
+                        Some(ramp) => {
+                            let by_change =
+                                (0..3).map(|i| ramp.ramp_by_change[i] * (to[i] - from[i]));
+                            ramp.by_duration[k] * longer + ramp.by_ramp[k] * by_change.sum::<f64>()
+                        }
+                    };
+                    Dual(s.turn.way[k], slope)
+                }),
+                ramp: s.turn.ramp.map(|ramp| Ramp {
+                    by_duration: ramp.by_duration.map(known),
+                    by_ramp: ramp.by_ramp.map(known),
+                    ramp_by_change: ramp.ramp_by_change.map(known),
+                }),
             },
             interval: Interval {
                 start_s: known(s.interval.start_s),
