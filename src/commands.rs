@@ -39,7 +39,7 @@ use crate::error::{Error, Result};
 use crate::motion::{Leg, Move, Timeline};
 use crate::platform::Platform;
 use crate::suspicion::WarningRecord;
-use crate::units::{Angle, AngularRate};
+use crate::units::{Angle, AngularRate, RAD_PER_DEG};
 use crate::wording::decimals;
 
 /// What the platform does for the time of a command.
@@ -358,8 +358,9 @@ impl CommandDocument {
     }
 }
 
-/// Rows of constant rate, at least, that speeding up is told in.
-const ROWS_OF_A_RAMP: f64 = 4.0;
+/// How far a row of one rate may be from gimbals that speed up or slow down meanwhile, rad (0.02°); where
+/// a row ends it is where they are.
+const OFF_A_RAMP_RAD: f64 = 0.02 * RAD_PER_DEG;
 
 struct TableBuilder {
     earth_rate_n: Vector3<f64>,
@@ -424,12 +425,14 @@ impl TableBuilder {
         let mut all = Vec::new();
         for (start, length) in m.smooth_parts((0.0, 1.0), 1.0) {
             let middle = start + 0.5 * length;
+            let speed = m.greatest_speed((start, length));
             let least = match middle < m.ramp() || middle > 1.0 - m.ramp() {
-                true => ROWS_OF_A_RAMP,
+                // In n rows of one rate each, the middle of a row is off by 1/4n² of the way.
+                true => (turn * length * speed / (8.0 * OFF_A_RAMP_RAD)).sqrt(),
                 false => 1.0,
             };
-            let speed = m.greatest_speed((start, length));
-            let rows = (turn * length * speed / self.step - 1e-9).ceil().max(least);
+            let rows = turn * length * speed / self.step - 1e-9;
+            let rows = rows.max(least).ceil().max(1.0);
             let duration_s = m.duration_s * length / rows;
             let ends = (1..=rows as usize).map(|k| start + length * k as f64 / rows);
             all.extend(ends.map(|end| (end, duration_s)));

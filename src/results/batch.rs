@@ -80,7 +80,7 @@ impl From<Status> for BatchStatus {
 pub struct BatchRecord {
     /// The platform file as it was named.
     pub file: String,
-    /// What people call it: the name of its file.
+    /// What people call it: `test.title`, or else the name of its file.
     pub title: String,
     /// How it went.
     pub status: BatchStatus,

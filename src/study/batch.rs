@@ -120,8 +120,13 @@ impl Batch {
         let mut taken = BTreeSet::new();
         let platforms = studies.into_iter().map(|(file, study)| {
             let stem = file.file_stem().unwrap_or("platform".as_ref());
-            let title = stem.to_string_lossy();
-            let directory = unique(&title, &mut taken);
+            let stem = stem.to_string_lossy();
+            let directory = unique(&stem, &mut taken);
+            let given = study
+                .as_ref()
+                .ok()
+                .and_then(|s| s.config().test.title.clone());
+            let title = given.unwrap_or_else(|| stem.into_owned());
             let file = file.to_string_lossy();
             BatchPlatform {
                 study,

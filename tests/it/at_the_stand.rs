@@ -178,7 +178,14 @@ fn command_tables_count_on_without_a_jump_and_are_where_the_timeline_is() {
                     let time_s = row.start_s + part * row.duration_s;
                     let planned = attitude_in(leg, begins_s, time_s);
                     let off = apart(commanded.matrix(), &planned);
-                    assert!(off < SAME_ATTITUDE, "case {number} at {time_s} s: {off:e}");
+                    // A row has one rate, and gimbals that speed up have not.
+                    let in_between = part != 0.0 && part != 1.0;
+                    let ramps = leg.arrival.is_some_and(|m| m.ramp() > 0.0);
+                    let near = match in_between && ramps && !holds {
+                        true => 3.0 * 0.02_f64.to_radians(),
+                        false => SAME_ATTITUDE,
+                    };
+                    assert!(off < near, "case {number} at {time_s} s: {off:e}");
                 }
             }
         }

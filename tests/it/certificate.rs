@@ -25,6 +25,60 @@ fn certifier(change: impl FnOnce(&mut PlatformConfig)) -> Certifier {
     Certifier::new(&config.check().unwrap())
 }
 
+/// About one level axis alone gravity never comes along it: three coefficients are known as before, and
+/// that is the bound.
+#[test]
+fn what_a_stand_cannot_tell_is_the_bound() {
+    let blind = |c: &mut PlatformConfig| {
+        c.gimbals.beta_deg = Some([0.0, 0.0]);
+        c.gimbals.gamma_deg = Some([0.0, 0.0]);
+        c.motion.slew_rate_deg_per_s = Some(0.5.into());
+    };
+    let weights = CoefficientVector::from_fn(|i, _| if i == 3 { 2.0 } else { 1.0 });
+    let criteria = [
+        // Three of twelve at 8 °/h; two of the weights of thirteen are of one of them.
+        (Criterion::rms(), 4.0),
+        (Criterion::weighted(weights), (4.0 * 64.0_f64 / 13.0).sqrt()),
+        (Criterion::E, 8.0),
+        (Criterion::max_ratio(CoefficientVector::repeat(0.5)), 16.0),
+    ];
+    let certifier = certifier(blind);
+    let mut config = PlatformConfig::default();
+    blind(&mut config);
+    let platform = config.check().unwrap();
+    for (criterion, expected) in criteria {
+        let bound = certifier.bound(&criterion, 12_000.0).unwrap();
+        assert!((bound.lower_bound / expected - 1.0).abs() < 1e-6);
+        assert!(bound.criterion.rests_on_priors);
+        let said = bound.remarks[0].to_string();
+        assert!(
+            said.ends_with("on this stand can tell: D_IX; D_OZ; D_SY"),
+            "{said}"
+        );
+        let objective = Objective {
+            criterion: criterion.clone(),
+            ..Objective::default()
+        };
+        let evaluator = Evaluator::new(platform.clone(), objective);
+        let problem = SearchProblem {
+            starts: 2,
+            max_positions: 4,
+            ..SearchProblem::default()
+        };
+        let found = search(&evaluator, &problem, &Control::default()).unwrap();
+        let reached = criterion.value(&found.evaluation.end).unwrap();
+        assert!(reached >= bound.lower_bound, "{reached}");
+        assert!(reached <= 1.001 * bound.lower_bound, "{reached}");
+        let sigma = found.evaluation.end.sigma_deg_per_h();
+        for (s, least) in sigma.iter().zip(bound.sigma_deg_per_h.iter()) {
+            assert!(s >= least);
+        }
+    }
+    // The determinant is about the rest as well.
+    let d = certifier.bound(&Criterion::D, 12_000.0).unwrap();
+    assert!(!d.criterion.rests_on_priors);
+}
+
 #[test]
 fn the_default_search_is_within_six_per_cent_of_the_best_possible() {
     let started = Instant::now();

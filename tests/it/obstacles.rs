@@ -95,10 +95,34 @@ fn walk(config: &PlatformConfig, found: &SearchOutcome) -> usize {
     steps
 }
 
+/// Stops that a stand may have: any, and where it begins.
+fn stops(random: &mut Random) -> Vec<[f64; 3]> {
+    let mut all = vec![[0.0; 3]];
+    all.extend((0..60).map(|_| {
+        let mut angle = || random.between(-180.0, 180.0).round();
+        [angle(), angle(), angle()]
+    }));
+    all
+}
+
+fn csv_of(stops: &[[f64; 3]]) -> String {
+    let mut text = "alpha_deg,beta_deg,gamma_deg\n".to_owned();
+    for [a, b, g] in stops {
+        text += &format!("{a},{b},{g}\n");
+    }
+    text
+}
+
+/// How far an angle is from whole turns, degrees.
+fn turned_by(deg: f64) -> f64 {
+    (deg - 360.0 * (deg / 360.0).round()).abs()
+}
+
 #[test]
 fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hurts() {
+    let dir = tempfile::tempdir().unwrap();
     let mut walked = 0;
-    for case in 0..8 {
+    for case in 0..10 {
         let mut random = Random::of_case(case);
         let mut config = PlatformConfig::default();
         if case % 4 != 3 {
@@ -115,6 +139,11 @@ fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hur
         if case == 4 {
             config.gimbals.beta_deg = Some([-75.0, 75.0]);
         }
+        // Free is a stand without a list, of which all that is on it can be had.
+        let is_listed = case % 5 == 0;
+        if is_listed {
+            config.gimbals.step_deg = None;
+        }
         let free = searched(&config, &problem());
         let boxes = (0..1 + case % 3).map(|_| one_box(&mut random));
         config.gimbals.forbidden = boxes
@@ -125,7 +154,20 @@ fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hur
         if case % 2 == 0 {
             config.gimbals.max_winding_deg = Some([0, 1, 2].map(|_| random.between(180.0, 500.0)));
         }
+        let listed = is_listed.then(|| stops(&mut random));
+        if let Some(stops) = &listed {
+            let path = dir.path().join(format!("stops-{case}.csv"));
+            std::fs::write(&path, csv_of(stops)).unwrap();
+            config.gimbals.allowed = Some(path);
+        }
         let hindered = searched(&config, &problem());
+        if let Some(stops) = &listed {
+            for p in hindered.schedule.positions() {
+                let here = p.position.to_deg();
+                let is_at = |stop: &[f64; 3]| (0..3).all(|i| turned_by(here[i] - stop[i]) < 1e-8);
+                assert!(stops.iter().any(is_at), "case {case}: {here:?}");
+            }
+        }
         walked += walk(&config, &hindered);
         let [free, hindered] =
             [&free, &hindered].map(|found| found.evaluation.rms_sigma_deg_per_h());

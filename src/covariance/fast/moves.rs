@@ -159,7 +159,7 @@ pub(crate) struct Nodes<N> {
     /// The angles' mean rates, rad/s.
     rates: [N; 3],
     way: [N; 3],
-    has_ramp: bool,
+    pub has_ramp: bool,
     start: N,
     length: N,
     width: N,
@@ -243,7 +243,7 @@ impl<N: Number> Nodes<N> {
     #[inline(always)]
     pub fn at(&self, [places, weights]: [N; 2]) -> AtNode<N> {
         let t = self.width * places;
-        let way = OnTheWay::new(&self.way, self.start + t);
+        let way = OnTheWay::new((&self.way, self.has_ramp), self.start + t);
         let angles = three!(|i| way.done.mul_add(self.change[i], self.from[i]));
         let rates = match self.has_ramp {
             true => three!(|i| self.change[i] * way.rate),
@@ -409,9 +409,12 @@ pub(crate) fn drift_integral_adjoint<A: Arithmetic, S: Shape>(
             }
         }
         let half = &mut halves[pass % 2];
-        *half = half.plus(&adjoint.map(|sum| ar.sum_nodes(sum)));
+        *half = half.plus(&adjoint, nodes.has_ramp, |sum| ar.sum_nodes(sum));
     }
-    halves[0].plus(&halves[1]).gathered(turn)
+    let [first, second] = halves;
+    first
+        .plus(&second, nodes.has_ramp, |sum| sum)
+        .gathered(turn)
 }
 
 /// The node's share of the angles' adjoint: of Φ C ⊗ h through C and through h, then of C through

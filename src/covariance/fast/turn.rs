@@ -64,9 +64,16 @@ pub(crate) struct OnTheWay<N> {
 }
 
 impl<N: Number> OnTheWay<N> {
-    /// A time τ after the start of a stretch of that `way`.
+    /// A time τ after the start of a stretch of that `way`; w₂ = 0 where it has no ramp.
     #[inline(always)]
-    pub fn new(way: &[N; 3], time_s: N) -> Self {
+    pub fn new((way, has_ramp): (&[N; 3], bool), time_s: N) -> Self {
+        if !has_ramp {
+            return Self {
+                time_s,
+                done: time_s.mul_add(way[1], way[0]),
+                rate: way[1],
+            };
+        }
         let bent = time_s * way[2];
         Self {
             time_s,
@@ -133,25 +140,22 @@ impl<N: Number> TurnAdjoint<N> {
         self.way[2] = by_time.mul_add(at.time_s, self.way[2]);
     }
 
-    /// Of all entries what `of` makes of them.
+    /// This and what `of` makes of `other`, before the duration is known; w where it `has_ramp`.
     #[inline(always)]
-    pub fn map<M: Number>(&self, of: impl Fn(N) -> M) -> TurnAdjoint<M> {
-        TurnAdjoint {
-            from: three!(|i| of(self.from[i])),
-            change: three!(|i| of(self.change[i])),
-            duration: of(self.duration),
-            way: three!(|i| of(self.way[i])),
-        }
-    }
-
-    /// The sum of two.
-    #[inline(always)]
-    pub fn plus(&self, other: &Self) -> Self {
+    pub fn plus<M: Number>(
+        &self,
+        other: &TurnAdjoint<M>,
+        has_ramp: bool,
+        of: impl Fn(M) -> N,
+    ) -> Self {
         Self {
-            from: three!(|i| self.from[i] + other.from[i]),
-            change: three!(|i| self.change[i] + other.change[i]),
-            duration: self.duration + other.duration,
-            way: three!(|i| self.way[i] + other.way[i]),
+            from: three!(|i| self.from[i] + of(other.from[i])),
+            change: three!(|i| self.change[i] + of(other.change[i])),
+            duration: self.duration,
+            way: match has_ramp {
+                true => three!(|k| self.way[k] + of(other.way[k])),
+                false => self.way,
+            },
         }
     }
 
@@ -177,7 +181,7 @@ impl<N: Number> Turn<N> {
     /// How far it is a time τ after the start of the stretch.
     #[inline(always)]
     pub fn at(&self, time_s: N) -> OnTheWay<N> {
-        OnTheWay::new(&self.way, time_s)
+        OnTheWay::new((&self.way, self.ramp.is_some()), time_s)
     }
 
     /// C_c^n there, and (sin α, cos α).
@@ -364,7 +368,9 @@ mod tests {
                 let of_rates = [30.0 * rates[2], 0.0, 30.0 * rates[0]];
                 let mut adjoint = TurnAdjoint::nothing(0.0);
                 adjoint.add((&turn.change, true), &at, &of_angles, Some(&of_rates));
-                sum = sum.plus(&adjoint.gathered(&turn));
+                let adjoint = adjoint.gathered(&turn);
+                sum = sum.plus(&adjoint, false, |v| v);
+                sum.duration += adjoint.duration;
             }
             let mut found = [sum.from, sum.change].concat();
             if quickest {

@@ -106,9 +106,12 @@ pub(super) fn integral_adjoint<A: Arithmetic>(
             nodes.pull(&mut adjoint, &node, &angles, Some(&rates));
         }
         let half = &mut halves[pass % 2];
-        *half = half.plus(&adjoint.map(|sum| ar.sum_nodes(sum)));
+        *half = half.plus(&adjoint, nodes.has_ramp, |sum| ar.sum_nodes(sum));
     }
-    halves[0].plus(&halves[1]).gathered(turn)
+    let [first, second] = halves;
+    first
+        .plus(&second, nodes.has_ramp, |sum| sum)
+        .gathered(turn)
 }
 
 /// The node's share of the adjoints of the angles and of their rates.

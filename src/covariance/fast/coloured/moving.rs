@@ -119,7 +119,7 @@ impl<N: Number> Panel<N> {
         let mut panel = Self {
             length_s,
             turn: *turn,
-            way: [OnTheWay::new(&[zero; 3], zero); NODES],
+            way: [OnTheWay::new((&[zero; 3], false), zero); NODES],
             c: [nothing; NODES],
             alpha: [(zero, zero); NODES],
             phi: [nothing; NODES],

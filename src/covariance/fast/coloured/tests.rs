@@ -2,8 +2,8 @@ use serde_json::{Value, json};
 
 use crate::covariance::fast::wide::How;
 use crate::covariance::fast::wide::tests::{
-    Random, accelerometers, largest_angle, merged, motions, others, platform, positions, slope,
-    timeline, torquers, turned,
+    Random, accelerometers, is_rough, largest_angle, merged, motions, others, platform, positions,
+    slope, timeline, torquers, turned,
 };
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::{CoefficientCovariance, CovarianceModel, Slope, TickRule};
@@ -123,6 +123,9 @@ fn gradients_are_finite_differences() {
         };
         for k in 0..positions.len() {
             let leg = &gradient[first + k];
+            if is_rough(&before, k, platform.period_s()) {
+                continue;
+            }
             let with = |change: &dyn Fn(&mut ScheduledPosition)| {
                 let mut changed = positions.clone();
                 change(&mut changed[k]);

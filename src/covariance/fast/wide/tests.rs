@@ -193,6 +193,23 @@ pub(in crate::covariance::fast) fn turned(
     changed
 }
 
+/// Whether differences of the way to or from a position see more than its slope: where an axis turns by
+/// nearly half a turn it may take the other way round, and where a corner of the rate is near the end of a
+/// filter period its second derivative jumps.
+pub(in crate::covariance::fast) fn is_rough(timeline: &Timeline, k: usize, period_s: f64) -> bool {
+    let legs = timeline.legs();
+    let at = timeline.positions().start + k;
+    let moves = legs[at..].iter().take(2).filter_map(|leg| leg.arrival);
+    moves.into_iter().any(|m| {
+        let half_turn = m
+            .change
+            .iter()
+            .any(|c| (c.abs().to_degrees() - 180.0).abs() < 1.0);
+        let near_a_tick = |at_s: f64| (at_s / period_s - (at_s / period_s).round()).abs() < 0.06;
+        half_turn || (m.measured && m.ramp() > 0.0 && m.corners_s().into_iter().any(near_a_tick))
+    })
+}
+
 pub(in crate::covariance::fast) fn largest_angle(gradient: &[LegGradient]) -> f64 {
     let angles = gradient.iter().flat_map(|leg| leg.angles);
     angles.fold(0.0_f64, |m, a| m.max(a.abs()))
@@ -280,6 +297,9 @@ fn gradients_are_finite_differences() {
         let mut errors = Vec::new();
         for k in 0..positions.len() {
             let leg = &gradient[first + k];
+            if is_rough(&before, k, platform.period_s()) {
+                continue;
+            }
             // The way back takes as long as its angles say.
             if !(returns && k + 1 == positions.len()) {
                 for axis in 0..3 {
