@@ -125,12 +125,19 @@ impl Timeline {
         timeline.check_clear(platform)?;
         let periods = timeline.total_time_s() / platform.period_s;
         if periods > MAX_FILTER_PERIODS {
-            return Err(Error::input("the test has too many filter periods")
+            let error = Error::input("the test has too many filter periods")
                 .with_key("filter.period_s")
                 .with_value(platform.period_s)
                 .with_allowed(format!(
                     "at most {MAX_FILTER_PERIODS:e} periods in the test"
-                )));
+                ));
+            let moving_s = timeline.overhead_s();
+            return Err(match moving_s > 0.5 * timeline.total_time_s() {
+                true => error.with_hint(format!(
+                    "moves and settles take {moving_s:.0} s of it: see motion.slew_rate_deg_per_s"
+                )),
+                false => error,
+            });
         }
         Ok(timeline)
     }

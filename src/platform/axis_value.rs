@@ -72,7 +72,7 @@ impl<'de> Deserialize<'de> for AxisValue {
         impl<'de> Visitor<'de> for AxisVisitor {
             type Value = AxisValue;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "a number or [x, y, z]")
+                write!(f, "one number for all axes, or a list of three numbers")
             }
             number_visits!(AxisValue::All);
             fn visit_seq<A: SeqAccess<'de>>(
@@ -81,7 +81,11 @@ impl<'de> Deserialize<'de> for AxisValue {
             ) -> std::result::Result<AxisValue, A::Error> {
                 <[f64; 3]>::deserialize(SeqAccessDeserializer::new(seq))
                     .map(AxisValue::PerAxis)
-                    .map_err(|_| A::Error::custom("expected three numbers [x, y, z]"))
+                    .map_err(|_| {
+                        A::Error::custom(
+                            "expected one number for all axes, or a list of three numbers",
+                        )
+                    })
             }
         }
         deserializer.deserialize_any(AxisVisitor)
@@ -169,7 +173,7 @@ mod tests {
     #[test]
     fn what_is_expected_is_said() {
         let error = serde_json::from_str::<AxisValue>("\"big\"").unwrap_err();
-        assert!(error.to_string().contains("a number or [x, y, z]"));
+        assert!(error.to_string().contains("one number for all axes"));
         let error = serde_json::from_str::<AxisValue>("[1, 2]").unwrap_err();
         assert!(error.to_string().contains("three numbers"));
         let error = serde_json::from_str::<GSensitivePrior>(r#"{"inputs": 1}"#).unwrap_err();

@@ -12,7 +12,7 @@
 //! A move that is given more time speeds up as fast and then goes slower: r (T − r) = p with r the time
 //! that speeding up takes.
 
-use super::{AxisValue, in_range};
+use super::AxisValue;
 use crate::error::{Error, Result};
 use crate::units::AngularRate;
 
@@ -72,6 +72,26 @@ impl Greatest {
     }
 }
 
+/// As it was written.
+fn shown(value: AxisValue) -> String {
+    match value {
+        AxisValue::All(v) => v.to_string(),
+        AxisValue::PerAxis([a, b, g]) => format!("[{a}, {b}, {g}]"),
+    }
+}
+
+/// Refuses what no gimbal has.
+fn check_each(key: &str, value: AxisValue, left_out: &str) -> Result<()> {
+    let is_right = |v: &f64| (1e-6..=1e6).contains(v);
+    match value.to_array().iter().all(is_right) {
+        true => Ok(()),
+        false => {
+            let allowed = format!("1e-6 to 1e6, or left out: {left_out}");
+            Err(Error::out_of_range(key, shown(value), &allowed))
+        }
+    }
+}
+
 impl SlewLimits {
     pub(super) fn check(
         rate: Option<AxisValue>,
@@ -82,17 +102,17 @@ impl SlewLimits {
                 None => Ok(None),
                 Some(given) => Err(Error::input("an acceleration needs a rate to reach")
                     .with_key(ACCELERATION)
-                    .with_value(format!("{:?}", given.to_array()))
+                    .with_value(shown(given))
                     .with_allowed(format!("left out, or {RATE} beside it"))),
             };
         };
-        let allowed = "1e-6 to 1e6, or left out: moves take no time";
-        for rate in rate.to_array() {
-            in_range(RATE, rate, 1e-6, 1e6, allowed)?;
-        }
-        let allowed = "1e-6 to 1e6, or left out: gimbals are at their rate at once";
-        for acceleration in acceleration.iter().flat_map(|a| a.to_array()) {
-            in_range(ACCELERATION, acceleration, 1e-6, 1e6, allowed)?;
+        check_each(RATE, rate, "moves take no time")?;
+        if let Some(acceleration) = acceleration {
+            check_each(
+                ACCELERATION,
+                acceleration,
+                "gimbals are at their rate at once",
+            )?;
         }
         let in_rad = |values: AxisValue| {
             let values = values.to_array();

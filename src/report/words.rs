@@ -79,7 +79,11 @@ pub fn from(document: &ResultDocument, from: &FromRecord) -> String {
             }
         )),
         (Some(reaches), false) if compares => {
-            words.push(format!("{reaches}: this is {} it.", compared(from.ratio)))
+            let which = match document.pareto.is_empty() {
+                true => "this is",
+                false => "in no more time the front comes to what is",
+            };
+            words.push(format!("{reaches}: {which} {} it.", compared(from.ratio)))
         }
         (Some(reaches), false) => words.push(format!("{reaches}.")),
         (None, false) => {}

@@ -200,8 +200,10 @@ fn rated(
         let fit = |plan: &Plan| match freedom.dwells() {
             true => plan.clone().fitted(test, total_time_s),
             false => {
-                let taken_s = plan.timeline(test).total_time_s();
-                (taken_s <= total_time_s * (1.0 + TIME_SLACK)).then(|| plan.clone())
+                // In another order the short way may be blocked, or wind a gimbal up too far.
+                let (plan, timeline) = plan.clone().passable(test)?;
+                let taken_s = timeline.total_time_s();
+                (taken_s <= total_time_s * (1.0 + TIME_SLACK)).then_some(plan)
             }
         };
         let plans: Vec<Plan> = some.iter().filter_map(fit).collect();

@@ -148,12 +148,8 @@ impl Plan {
         Some(self.fitted_timeline(test, total_time_s)?.0)
     }
 
-    /// The same with its timeline, which had to be made to know how long the moves take.
-    pub(super) fn fitted_timeline(
-        mut self,
-        test: &Test,
-        total_time_s: f64,
-    ) -> Option<(Self, Timeline)> {
+    /// The plan by ways that nothing is in, with its timeline; none where there are none.
+    pub(super) fn passable(mut self, test: &Test) -> Option<(Self, Timeline)> {
         let mut timeline = self.timeline(test);
         if !timeline.is_clear(test.platform()) {
             self = self.cleared(test)?;
@@ -162,25 +158,35 @@ impl Plan {
                 return None;
             }
         }
+        Some((self, timeline))
+    }
+
+    /// The fitted plan with its timeline, which had to be made to know how long the moves take.
+    pub(super) fn fitted_timeline(
+        self,
+        test: &Test,
+        total_time_s: f64,
+    ) -> Option<(Self, Timeline)> {
+        let (mut plan, timeline) = self.passable(test)?;
         let min_dwell_s = test.platform().shortest_dwell_s();
-        let count = self.angles.len() as f64;
+        let count = plan.angles.len() as f64;
         let budget = total_time_s - timeline.overhead_s();
         let spare = budget - count * min_dwell_s;
         if spare < -0.5 * TIME_SLACK * total_time_s || budget <= 0.0 {
             return None;
         }
         let spare = spare.max(0.0);
-        let above: Vec<f64> = self
+        let above: Vec<f64> = plan
             .dwell_s
             .iter()
             .map(|d| (d - min_dwell_s).max(0.0))
             .collect();
         let sum: f64 = above.iter().sum();
-        for (dwell, above) in self.dwell_s.iter_mut().zip(above) {
+        for (dwell, above) in plan.dwell_s.iter_mut().zip(above) {
             let share = if sum > 0.0 { above / sum } else { 1.0 / count };
             *dwell = min_dwell_s + spare * share;
         }
-        let timeline = timeline.with_dwells(self.dwell_s.iter().copied());
-        Some((self, timeline))
+        let timeline = timeline.with_dwells(plan.dwell_s.iter().copied());
+        Some((plan, timeline))
     }
 }

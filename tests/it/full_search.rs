@@ -12,7 +12,7 @@ accelerometer_misalignment_arcsec = 60.0
 accelerometer_second_order_ug_per_g2 = 20.0
 ";
 /// A search that takes a second.
-const QUICK: &str = "[search]\nstarts = 3\nmax_positions = 7\n";
+const QUICK: &str = "[search]\nstarts = 2\nmax_positions = 6\n";
 
 fn study(text: &str) -> Study {
     Study::from_toml(text).unwrap()

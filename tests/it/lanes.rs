@@ -61,7 +61,7 @@ fn a_search_with_slews_has_the_same_bytes_in_any_number_of_lanes() {
 #[test]
 fn a_search_on_an_index_table_has_the_same_bytes_in_any_number_of_lanes() {
     assert_same_bytes(&problem(), |c| {
-        c.gimbals.step_deg = Some(15.0);
+        c.gimbals.step_deg = Some(30.0);
         c.motion.slew_rate_deg_per_s = Some(2.0.into());
     });
 }

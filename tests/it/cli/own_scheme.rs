@@ -221,3 +221,31 @@ fn a_checkpoint_belongs_to_the_scheme_it_began_with() {
     desk.done(&search(&["--from", "s.csv", "--reproducible"]));
     assert_eq!(desk.text("out/result.json"), resumed);
 }
+
+/// In another order the short way may wind a gimbal up too far: the order is then driven another way, or
+/// is none.
+#[test]
+fn an_order_is_one_that_the_stand_can_drive() {
+    let desk = Desk::new();
+    let csv = "alpha_deg,beta_deg,gamma_deg,dwell_s,pinned\n\
+               0,0,0,1500,x\n50,-40,100,1400,\n-120,30,0,1300,\n170,10,-80,1400,\n";
+    desk.write("held.csv", csv);
+    for (name, more) in [
+        ("wound", ""),
+        ("boxed", "forbidden = [{ beta_deg = [80, 100] }]\n"),
+    ] {
+        let platform = format!(
+            "[gimbals]\nmax_winding_deg = [300, 300, 300]\n{more}\
+             [motion]\nslew_rate_deg_per_s = 1.0\n[objective]\ntotal_time_s = 9000\n"
+        );
+        desk.write("p.toml", platform);
+        for only in ["order", "dwells,order"] {
+            let args = ["search", "p.toml", "--from", "held.csv", "--only", only];
+            desk.done(&[&args[..], &["--starts", "2", "-o", name]].concat());
+            let result = desk.json(&format!("{name}/result.json"));
+            assert!(result["from"]["ratio"].as_f64().unwrap() >= 1.0);
+            let winding = result["evaluation"]["winding_deg"].as_array().unwrap();
+            assert!(winding.iter().all(|w| w.as_f64().unwrap() <= 300.0));
+        }
+    }
+}
