@@ -7,7 +7,7 @@
 
 use std::fmt::Write;
 
-use crate::attitude::{NanoDegrees, Position};
+use crate::attitude::{NanoDegrees, Position, SignedAxis, Stand};
 use crate::config::TestConfig;
 use crate::motion::{Leg, Test, Timeline};
 use crate::platform::{Platform, Repositioning};
@@ -305,6 +305,52 @@ fn wrapped(position: Position) -> [f64; 3] {
         .map(|deg| NanoDegrees::nearest(deg).wrapped().deg() + 0.0)
 }
 
+/// What stands in the gimbals' way.
+fn in_the_way(platform: &Platform) -> Vec<String> {
+    let obstacles = platform.obstacles();
+    let mut words: Vec<String> = obstacles
+        .all_shown()
+        .map(|shown| format!("never in {shown}"))
+        .collect();
+    for (name, most) in ["alpha", "beta", "gamma"]
+        .into_iter()
+        .zip(obstacles.max_winding())
+    {
+        if let Some(most) = most {
+            let most = decimals(most.deg(), 4);
+            words.push(format!("{name} within {most} deg of where it starts"));
+        }
+    }
+    if let Some(stops) = obstacles.allowed() {
+        words.push(format!("only {} listed positions", stops.len()));
+    }
+    words
+}
+
+/// How the base and the gimbals are set up, where not as in the paper.
+fn set_up(stand: &Stand) -> Vec<String> {
+    let mut words = Vec::new();
+    if stand.axes() != Stand::PAPER.axes() {
+        let [alpha, beta, gamma] = stand.axes().map(SignedAxis::name);
+        words.push(format!(
+            "alpha (outer) about {alpha}, beta about {beta}, gamma (inner) about {gamma}"
+        ));
+    }
+    let heading = stand.heading_deg();
+    if heading != 0.0 {
+        words.push(format!(
+            "base turned {} deg from north towards east",
+            decimals(heading, 4)
+        ));
+    }
+    let tilt = stand.tilt_deg();
+    if tilt != [0.0; 2] {
+        let [x, z] = tilt.map(|deg| decimals(deg, 4));
+        words.push(format!("base tilted {x} deg about x, {z} deg about z"));
+    }
+    words
+}
+
 /// The stand in a line: what an operator can hold against the one in front of him.
 fn planned_for(platform: &Platform) -> String {
     let motion = platform.motion();
@@ -335,5 +381,7 @@ fn planned_for(platform: &Platform) -> String {
     if motion.settle_s > 0.0 {
         words.push(format!("settling {} s", decimals(motion.settle_s, 3)));
     }
+    words.extend(in_the_way(platform));
+    words.extend(set_up(platform.stand()));
     words.join("; ")
 }

@@ -211,6 +211,9 @@ fn reached_by(platform: &Platform, leg: &Leg) -> String {
     if arrival.measured {
         text.push_str(" measured");
     }
+    if leg.settle_s > 0.0 {
+        text.push_str(&format!(" + {} s", seconds(leg.settle_s)));
+    }
     // The way round where it is not the usual one: the angles of the table do not tell.
     let usual = gimbal_change(platform, Position::from_array(arrival.from), leg.position);
     for (axis, name) in ["alpha", "beta", "gamma"].into_iter().enumerate() {
@@ -219,9 +222,6 @@ fn reached_by(platform: &Platform, leg: &Leg) -> String {
             let degrees = Angle::from_rad(change).deg();
             text.push_str(&format!(", {name} by {degrees:+.3}"));
         }
-    }
-    if leg.settle_s > 0.0 {
-        text.push_str(&format!(" + {} s", seconds(leg.settle_s)));
     }
     text
 }

@@ -123,7 +123,8 @@ impl Timeline {
             .with_allowed(allowed);
         Err(match found.kind {
             Hindrance::Passed(_) | Hindrance::Wound { .. } if !is_return => error.with_hint(
-                "change_deg says which way a move goes; a position in between can lead around",
+                "change_deg (in a CSV file the columns alpha_change_deg, beta_change_deg and \
+                 gamma_change_deg) says which way a move goes; a position in between can lead around",
             ),
             _ => error,
         })

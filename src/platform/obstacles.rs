@@ -207,6 +207,11 @@ impl Obstacles {
         })
     }
 
+    /// All boxes in words.
+    pub fn all_shown(&self) -> impl Iterator<Item = String> + '_ {
+        self.boxes.iter().map(|b| b.shown.shown())
+    }
+
     /// A box in words.
     pub fn shown(&self, index: usize) -> String {
         self.boxes[index].shown.shown()

@@ -26,6 +26,7 @@
 //! # Ok::<(), scheme_opt::Error>(())
 //! ```
 
+mod basis;
 mod blocks;
 mod errors;
 mod maps;
@@ -48,8 +49,8 @@ use crate::results::{
     ComparedWith, ComparisonDocument, EVALUATION_SCHEMA, EvaluationDocument, RESULT_SCHEMA,
     ResultDocument, SIMULATION_SCHEMA, SimulationDocument, TOOL_VERSION, WarningRecord,
 };
-use crate::schedule::file::to_csv;
 use crate::wording::seconds;
+use basis::{Given, basis};
 use blocks::{Block, Page, Section};
 use subject::Subject;
 use verdict::{OnSpecification, accuracy_words, gain, search_words, side_by_side, weakness};
@@ -117,8 +118,9 @@ pub fn result(document: &ResultDocument) -> Result<String> {
         "Beside the standard schemes",
         standing,
     ));
-    let command = "scheme-opt search platform.toml --reproducible";
-    sections.push(basis(&subject, command, Some(document.seed))?);
+    let given = Given::of(document)?;
+    let command = given.command();
+    sections.push(basis(&subject, &command, Some(document.seed), &given)?);
     let total = seconds(document.evaluation.total_time_s);
     let title = format!("Torquing scheme found: {total} s");
     page(
@@ -155,7 +157,7 @@ pub fn evaluation(document: &EvaluationDocument) -> Result<String> {
     ));
     let command = "scheme-opt evaluate --schedule schedule.csv --platform platform.toml \
                    --report report.html";
-    sections.push(basis(&subject, command, None)?);
+    sections.push(basis(&subject, command, None, &Given::default())?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme evaluated: {total} s");
     page(
@@ -240,7 +242,12 @@ pub fn simulation(document: &SimulationDocument) -> Result<String> {
         command.push_str(" --sweep");
     }
     command.push_str(" --report report.html");
-    sections.push(basis(&subject, &command, Some(document.seed))?);
+    sections.push(basis(
+        &subject,
+        &command,
+        Some(document.seed),
+        &Given::default(),
+    )?);
     let total = seconds(document.total_time_s);
     let title = format!("Torquing scheme simulated: {total} s");
     page(
@@ -297,7 +304,7 @@ pub fn comparison(document: &ComparisonDocument) -> Result<String> {
         command.push_str(" --as-given");
     }
     command.push_str(" --report report.html");
-    sections.push(basis(&subject, &command, None)?);
+    sections.push(basis(&subject, &command, None, &Given::default())?);
     page(
         &format!("Torquing schemes compared; best: {name}"),
         Some(&document.inputs.test),
@@ -609,46 +616,4 @@ fn correlation_blocks(subject: &Subject) -> Vec<Block> {
         },
         Block::Table(tables::correlations(subject)),
     ]
-}
-
-/// Formulas, inputs, versions, and how to get the same again.
-fn basis(subject: &Subject, command: &str, seed: Option<u64>) -> Result<Section> {
-    let d = &subject.document;
-    let platform = toml::to_string(&d.inputs).map_err(|e| {
-        Error::numerical(format!("the inputs cannot be written as TOML: {e}")).with_source(e)
-    })?;
-    let defaulted = match d.defaulted.is_empty() {
-        true => "Every value was given.".to_owned(),
-        false => format!(
-            "Nobody gave these; they are defaults: {}.",
-            d.defaulted.join(", ")
-        ),
-    };
-    let seed = seed.map_or_else(String::new, |s| format!(", seed {s}"));
-    let blocks = vec![
-        Block::Text(format!(
-            "scheme-opt {TOOL_VERSION}{seed}; two computations of every σ agree to {:.0e}. Save \
-             the two files below, and this makes the same again:",
-            d.agreement
-        )),
-        Block::Verbatim {
-            caption: "Command".to_owned(),
-            text: command.to_owned(),
-        },
-        Block::Verbatim {
-            caption: "platform.toml".to_owned(),
-            text: platform,
-        },
-        Block::Text(defaulted),
-        Block::Verbatim {
-            caption: "schedule.csv".to_owned(),
-            text: to_csv(&subject.schedule),
-        },
-        Block::Formulas,
-    ];
-    Ok(Section::new(
-        "basis",
-        "Formulas, inputs, reproduction",
-        blocks,
-    ))
 }

@@ -20,10 +20,10 @@ use super::progress::Control;
 use super::propose::within_ranges;
 use super::reason::Reason;
 use super::{Status, conclude};
-use crate::attitude::Position;
+use crate::attitude::{Degrees, Position};
 use crate::error::{Error, Result};
 use crate::evaluate::{Evaluation, Evaluator};
-use crate::motion::{Test, Timeline, quickest_positions_but};
+use crate::motion::{Test, Timeline, clear_ways, quickest_positions_but};
 use crate::platform::Platform;
 use crate::schedule::{Schedule, ScheduledPosition};
 use crate::wording::{listed, seconds};
@@ -159,13 +159,26 @@ impl StartingScheme {
             }
         }
         // As given: so that what is refused is said of the position's own number.
-        let still = |k: usize| ScheduledPosition::new(positions[k].position, 0.0);
-        let all: Vec<_> = (0..count)
+        let still = |k: usize| ScheduledPosition {
+            change_deg: positions[k]
+                .change_deg
+                .filter(|_| !self.freedom.positions()),
+            ..ScheduledPosition::new(positions[k].position, 0.0)
+        };
+        let mut all: Vec<_> = (0..count)
             .map(|k| match self.is_held(k) {
                 true => still(k),
                 false => still(held[0]),
             })
             .collect();
+        // Where the short way is blocked another one may not be.
+        let entries: Vec<_> = all.iter().map(|p| (p.position, p.change_deg)).collect();
+        for (p, way) in all
+            .iter_mut()
+            .zip(clear_ways(test, entries.into_iter()).into_iter().flatten())
+        {
+            p.change_deg = way.map(|way| way.map(Degrees::deg)).or(p.change_deg);
+        }
         Timeline::new(test, &Schedule::new(all)?)?;
         if self.freedom == Freedom::Order {
             // Dwells that stay take their time in whatever order.

@@ -122,7 +122,7 @@ fn turned_by(deg: f64) -> f64 {
 fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hurts() {
     let dir = tempfile::tempdir().unwrap();
     let mut walked = 0;
-    for case in 0..10 {
+    for case in 0..8 {
         let mut random = Random::of_case(case);
         let mut config = PlatformConfig::default();
         if case % 4 != 3 {
@@ -140,7 +140,7 @@ fn no_position_move_or_winding_violates_what_is_in_the_way_and_freedom_never_hur
             config.gimbals.beta_deg = Some([-75.0, 75.0]);
         }
         // Free is a stand without a list, of which all that is on it can be had.
-        let is_listed = case % 5 == 0;
+        let is_listed = case == 5;
         if is_listed {
             config.gimbals.step_deg = None;
         }
