@@ -144,6 +144,7 @@ proptest! {
         // isotropic priors another choice of platform axes turns P_D and keeps its trace. Moves
         // would follow other gimbal paths, so they take no time here.
         config.motion.slew_rate_deg_per_s = None;
+        config.motion.acceleration_deg_per_s2 = None;
         let turn = Rotation3::new(nalgebra::Vector3::from(axis));
         let turned: Vec<_> = positions.iter().map(|p| {
             let c = Rotation3::from_matrix_unchecked(*p.position.attitude().matrix()) * turn;
@@ -177,6 +178,7 @@ proptest! {
         // There is no north: the Earth turns about the vertical itself.
         config.site.latitude_deg = if south { -90.0 } else { 90.0 };
         config.motion.slew_rate_deg_per_s = None;
+        config.motion.acceleration_deg_per_s2 = None;
         let about_up = Rotation3::from_axis_angle(&nalgebra::Vector3::y_axis(), turn);
         let turned: Vec<_> = positions.iter().map(|p| {
             let c = about_up * Rotation3::from_matrix_unchecked(*p.position.attitude().matrix());
@@ -194,6 +196,7 @@ proptest! {
         // Reflect north in n and x in the platform: rates are axial vectors, so that ω_N keeps
         // its sign, ω_U does not, and every coefficient goes into plus or minus itself.
         config.motion.slew_rate_deg_per_s = None;
+        config.motion.acceleration_deg_per_s2 = None;
         let mirror = Matrix3::from_diagonal(&nalgebra::Vector3::new(-1.0, 1.0, 1.0));
         let mirrored: Vec<_> = positions.iter().map(|p| {
             let c = mirror * p.position.attitude().matrix() * mirror;
@@ -211,6 +214,7 @@ proptest! {
     ) {
         // x → y → z → x in the platform, or back, with one prior for all coefficients of a kind.
         config.motion.slew_rate_deg_per_s = None;
+        config.motion.acceleration_deg_per_s2 = None;
         let cycle = Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
         let cycle = if forward { cycle } else { cycle.transpose() };
         let renamed: Vec<_> = positions.iter().map(|p| {

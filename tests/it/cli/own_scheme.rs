@@ -249,3 +249,30 @@ fn an_order_is_one_that_the_stand_can_drive() {
         }
     }
 }
+
+/// A way around a box that the scheme gives is kept with its positions, and the same may be pinned.
+#[test]
+fn a_way_around_what_stands_in_it_is_kept() {
+    let desk = Desk::new();
+    let csv = "alpha_deg,beta_deg,gamma_deg,dwell_s,alpha_change_deg,beta_change_deg,gamma_change_deg\n\
+               0,-60,0,1500,,,\n45,120,-45,1400,45,-180,-45\n90,140,20,1400,,,\n";
+    desk.write("around.csv", csv);
+    let platform = "[gimbals]\nforbidden = [{ beta_deg = [80, 100] }]\n\
+                    [motion]\nslew_rate_deg_per_s = 1.0\n[objective]\ntotal_time_s = 6000\n";
+    desk.write("p.toml", platform);
+    let args = ["search", "p.toml", "--from", "around.csv", "--only"];
+    let shown = desk.done(&[&args[..], &["dwells", "-o", "out"]].concat());
+    assert!(shown.contains("beta by -180.000"), "{shown}");
+    // What makes it again is in the report, the scheme included.
+    let report = desk.text("out/report.html");
+    assert!(report.contains("--from from.csv --only dwells"));
+    assert!(report.contains("<code>from.csv</code>") || report.contains("from.csv</"));
+    let sheet = desk.text("out/sheet.html");
+    assert!(
+        sheet.contains("never in { beta_deg = [80, 100] }"),
+        "{sheet}"
+    );
+    for only in ["order", "dwells,order"] {
+        desk.done(&[&args[..], &[only, "-o", "order"]].concat());
+    }
+}
