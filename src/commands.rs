@@ -398,9 +398,9 @@ impl TableBuilder {
                         std::array::from_fn(|i| angles[i] + (from[i] - m.from[i]))
                     }
                 };
-                for k in 0..steps {
+                for (k, (_, duration_s)) in rows.iter().enumerate() {
                     let command = (segment, position, m.measured);
-                    self.push(at(k), at(k + 1), rows[k].1, command);
+                    self.push(at(k), at(k + 1), *duration_s, command);
                 }
             }
         }
