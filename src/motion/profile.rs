@@ -13,7 +13,10 @@ use super::Move;
 
 /// The share of the way at the share `x` of the duration.
 pub(crate) fn done(ramp: f64, x: f64) -> f64 {
-    if x < ramp {
+    // Without it a time that rounding has put before the start or after the end would be on a ramp.
+    if ramp == 0.0 {
+        x
+    } else if x < ramp {
         x * x / (2.0 * ramp * (1.0 - ramp))
     } else if x > 1.0 - ramp {
         1.0 - (1.0 - x) * (1.0 - x) / (2.0 * ramp * (1.0 - ramp))
@@ -24,7 +27,9 @@ pub(crate) fn done(ramp: f64, x: f64) -> f64 {
 
 /// ds/dx there.
 pub(crate) fn speed(ramp: f64, x: f64) -> f64 {
-    if x < ramp {
+    if ramp == 0.0 {
+        1.0
+    } else if x < ramp {
         x / (ramp * (1.0 - ramp))
     } else if x > 1.0 - ramp {
         (1.0 - x) / (ramp * (1.0 - ramp))
@@ -124,6 +129,10 @@ mod tests {
         for ramp in [0.0, 0.02, 0.1, 0.3, 0.5] {
             assert_eq!(done(ramp, 0.0), 0.0);
             assert!((done(ramp, 1.0) - 1.0).abs() < 1e-15);
+            // But for rounding.
+            assert!(done(ramp, -1e-14).abs() < 1e-13 && speed(ramp, -1e-14).is_finite());
+            assert!((done(ramp, 1.0 + 1e-14) - 1.0).abs() < 1e-13);
+            assert!(speed(ramp, 1.0 + 1e-14).is_finite());
             const STEPS: usize = 20_000;
             let mut area = 0.0;
             for k in 0..STEPS {
