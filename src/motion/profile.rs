@@ -38,19 +38,6 @@ pub(crate) fn speed(ramp: f64, x: f64) -> f64 {
     }
 }
 
-/// The share of the duration at which the share `s` of the way is done.
-pub(crate) fn when_done(ramp: f64, s: f64) -> f64 {
-    let at_rate = 0.5 * ramp / (1.0 - ramp);
-    let speeding_up = |s: f64| (2.0 * ramp * (1.0 - ramp) * s).sqrt();
-    if s < at_rate {
-        speeding_up(s)
-    } else if s > 1.0 - at_rate {
-        1.0 - speeding_up(1.0 - s)
-    } else {
-        s * (1.0 - ramp) + 0.5 * ramp
-    }
-}
-
 impl Move {
     /// The share of the way that is done at the share `fraction` 0..1 of the duration.
     pub fn done_at(&self, fraction: f64) -> f64 {
@@ -60,11 +47,6 @@ impl Move {
     /// Its derivative there: 1 where the gimbals turn at one rate all the time.
     pub fn speed_at(&self, fraction: f64) -> f64 {
         speed(self.ramp, fraction)
-    }
-
-    /// The share of the duration at which the share `done` 0..1 of the way is done.
-    pub fn when_done(&self, done: f64) -> f64 {
-        when_done(self.ramp, done)
     }
 
     /// The share of the duration in which the gimbals speed up, and again that in which they slow
@@ -140,11 +122,6 @@ mod tests {
                 assert!((done(ramp, x) - area).abs() < 1e-7, "{ramp}, {x}");
                 let next = (k + 1) as f64 / STEPS as f64;
                 area += 0.5 * (speed(ramp, x) + speed(ramp, next)) / STEPS as f64;
-                // And back: where the way is flat, a digit of it is many of the time.
-                assert!(
-                    (when_done(ramp, done(ramp, x)) - x).abs() < 1e-7,
-                    "{ramp}, {x}"
-                );
             }
         }
     }
