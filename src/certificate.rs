@@ -176,7 +176,7 @@ impl Certifier {
         let Some(unseen) = &self.unseen else {
             return found;
         };
-        let p = unseen.covariance();
+        let p = &unseen.covariance;
         let variance = match criterion {
             Criterion::A { weights, .. } => weights.dot(&p.diagonal()) / weights.sum(),
             Criterion::E => p.symmetric_eigenvalues().max(),
@@ -286,7 +286,7 @@ impl Certifier {
         let Some(unseen) = &self.unseen else {
             return Ok(found);
         };
-        let left = unseen.covariance().diagonal();
+        let left = unseen.covariance.diagonal();
         let sigma = |i: usize| left[i].sqrt() * (1.0 - MARGIN);
         Ok(CoefficientVector::from_fn(|i, _| found[i].max(sigma(i))))
     }

@@ -165,7 +165,7 @@ impl CommandTable {
             .legs()
             .iter()
             .filter_map(|leg| leg.arrival)
-            .map(|m| m.slowest_axis().1)
+            .map(|m| m.largest_turn_rad())
             .sum();
         if turns / step > MAX_COMMANDS {
             return Err(Error::input("the steps of the moves are too many")
@@ -384,7 +384,7 @@ impl TableBuilder {
                 true => Segment::Return,
                 false => Segment::Move,
             };
-            let turn = m.slowest_axis().1;
+            let turn = m.largest_turn_rad();
             let rows = self.rows(m);
             let steps = rows.len();
             // A move to where the platform is already, in no time, is nothing to command.
@@ -421,7 +421,7 @@ impl TableBuilder {
         if m.duration_s <= 0.0 {
             return vec![(1.0, 0.0)];
         }
-        let turn = m.slowest_axis().1;
+        let turn = m.largest_turn_rad();
         let mut all = Vec::new();
         for (start, length) in m.smooth_parts((0.0, 1.0), 1.0) {
             let middle = start + 0.5 * length;

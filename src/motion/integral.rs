@@ -161,12 +161,22 @@ fn rule_for(kappa: f64) -> (&'static Rule, usize) {
 /// and length in s from the start of the move.
 fn for_each_node(m: &Move, interval: (f64, f64), mut visit: impl FnMut(f64, f64)) {
     for part in m.smooth_parts(interval, m.duration_s) {
-        let (rule, panels) = rule_for(half_phase(m, part));
-        let (before, width) = (part.0 - interval.0, part.1 / panels as f64);
-        for panel in 0..panels {
-            for &(x, w) in &rule.nodes {
-                visit(before + width * (panel as f64 + x), width * w);
-            }
+        let since_start = (part.0 - interval.0, part.1);
+        for_each_node_of_panels(half_phase(m, part), since_start, &mut visit);
+    }
+}
+
+/// The same of an interval without corners, whose integrand runs through half a phase of `kappa`.
+fn for_each_node_of_panels(
+    kappa: f64,
+    (start, length): (f64, f64),
+    visit: &mut impl FnMut(f64, f64),
+) {
+    let (rule, panels) = rule_for(kappa);
+    let width = length / panels as f64;
+    for panel in 0..panels {
+        for &(x, w) in &rule.nodes {
+            visit(start + width * (panel as f64 + x), width * w);
         }
     }
 }
@@ -184,13 +194,8 @@ pub(crate) fn for_each_share(
     let earth = EARTH_RATE_RAD_PER_S * m.duration_s;
     for (start, length) in m.smooth_parts(part, 1.0) {
         let turn = turn * m.greatest_speed((start, length));
-        let (rule, panels) = rule_for(0.5 * (turn * degree + earth) * length);
-        let width = length / panels as f64;
-        for panel in 0..panels {
-            for &(x, w) in &rule.nodes {
-                visit(start + width * (panel as f64 + x), width * w);
-            }
-        }
+        let kappa = 0.5 * (turn * degree + earth) * length;
+        for_each_node_of_panels(kappa, (start, length), &mut visit);
     }
 }
 

@@ -68,19 +68,8 @@ impl Move {
             .unwrap_or_else(|| self.from.map(wrap_half_turn))
     }
 
-    /// The axis that takes longest, and how far it turns, rad.
-    pub fn slowest_axis(&self) -> (usize, f64) {
-        slowest_axis(&self.change)
+    /// How far the axis turns that turns most, rad.
+    pub fn largest_turn_rad(&self) -> f64 {
+        self.change.iter().fold(0.0, |most, c| c.abs().max(most))
     }
-}
-
-/// The axis that turns most, and how far, rad.
-fn slowest_axis(change: &[f64; 3]) -> (usize, f64) {
-    let mut slowest = (0, 0.0);
-    for (i, change) in change.iter().enumerate() {
-        if change.abs() > slowest.1 {
-            slowest = (i, change.abs());
-        }
-    }
-    slowest
 }

@@ -12,7 +12,7 @@
 use super::Move;
 
 /// The share of the way at the share `x` of the duration.
-pub(crate) fn done(ramp: f64, x: f64) -> f64 {
+fn done(ramp: f64, x: f64) -> f64 {
     // Without it a time that rounding has put before the start or after the end would be on a ramp.
     if ramp == 0.0 {
         x
@@ -26,7 +26,7 @@ pub(crate) fn done(ramp: f64, x: f64) -> f64 {
 }
 
 /// ds/dx there.
-pub(crate) fn speed(ramp: f64, x: f64) -> f64 {
+fn speed(ramp: f64, x: f64) -> f64 {
     if ramp == 0.0 {
         1.0
     } else if x < ramp {

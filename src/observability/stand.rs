@@ -32,8 +32,8 @@ use crate::units::RAD_PER_DEG;
 pub(crate) struct Unseen {
     /// The combinations.
     pub combinations: Vec<Combination>,
-    /// R of the bound R Rᵀ = W (Wᵀ Λ W)⁻¹ Wᵀ on P_D, °/h; a column for each combination.
-    root: DMatrix<f64>,
+    /// The bound W (Wᵀ Λ W)⁻¹ Wᵀ on P_D, (°/h)².
+    pub covariance: DMatrix<f64>,
 }
 
 impl Unseen {
@@ -62,13 +62,8 @@ impl Unseen {
         let combinations = combinations.into_iter().map(Combination::from_array);
         Some(Self {
             combinations: combinations.collect(),
-            root,
+            covariance: &root * root.transpose(),
         })
-    }
-
-    /// The bound on P_D, (°/h)².
-    pub fn covariance(&self) -> DMatrix<f64> {
-        &self.root * self.root.transpose()
     }
 }
 
@@ -169,7 +164,7 @@ mod tests {
         .unwrap();
         let names: Vec<String> = found.combinations.iter().map(ToString::to_string).collect();
         assert_eq!(names, ["D_IX", "D_OZ", "D_SY"]);
-        let p = found.covariance();
+        let p = found.covariance;
         for i in 0..COEFFICIENTS {
             let seen = ![3, 8, 10].contains(&i);
             let expected = if seen { 0.0 } else { (1.0 + i as f64).powi(2) };
@@ -181,7 +176,7 @@ mod tests {
     #[test]
     fn a_sum_keeps_what_the_priors_say_of_it() {
         let found = unseen(|c| c.site.latitude_deg = 90.0).unwrap();
-        let p = found.covariance();
+        let p = found.covariance;
         let information: f64 = [4.0_f64, 5.0, 6.0].iter().map(|s| (s * s).recip()).sum();
         for i in 3..6 {
             for j in 3..6 {

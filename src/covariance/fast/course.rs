@@ -7,7 +7,7 @@
 
 mod back;
 
-pub(crate) use back::{LegAdjoint, backward};
+pub(crate) use back::{LegAdjoint, add_turn, backward};
 
 use super::adjoint::{MEASURED_ROWS, dwell_rows};
 use super::arithmetic::{Arithmetic, Work};

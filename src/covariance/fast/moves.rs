@@ -520,7 +520,6 @@ mod tests {
     use super::super::arithmetic::Plain;
     use super::super::information::PLACES;
     use super::super::shape::Drift;
-    use super::super::turn::of_a_move;
     use super::*;
     use crate::attitude::{Stand, earth_rate_n};
     use crate::drift::{COEFFICIENTS, DriftMatrix};
@@ -529,16 +528,9 @@ mod tests {
     use crate::motion::integral::{Panels, half_phase};
 
     fn parts(m: &Move, start_s: f64, length_s: f64) -> (Turn<f64>, Interval<f64>, Panels) {
-        let (way, ramp) = of_a_move(m, None, [start_s, start_s + length_s]);
-        let turn = Turn {
-            from: m.from,
-            change: m.change,
-            duration_s: m.duration_s,
-            time: 1.0,
-            instant: false,
-            way,
-            ramp,
-        };
+        // What a test shifts by hand, a move has to be made of anew: it keeps its start without turns.
+        let m = &Move::new(m.from, m.change, m.duration_s, m.measured);
+        let turn = Turn::of_a_move(m, None, [start_s, start_s + length_s]);
         let interval = Interval {
             start_s: 0.0,
             length_s,

@@ -19,7 +19,7 @@ use super::information::{
 use super::moves::Interval;
 use super::shape::{Drift, Facts, Shape};
 use super::square::{Entries, entries, mirrored};
-use super::turn::{Turn, of_a_move};
+use super::turn::Turn;
 use super::{Place, Wide, attitude_entries};
 use crate::covariance::gradient::LegGradient;
 use crate::covariance::rows::{Told, Whitened};
@@ -202,7 +202,6 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
         }
         let ((start_s, length_s), end) = self.part(m, index);
         let between = [start_s, start_s + length_s];
-        let (way, ramp) = of_a_move(m, self.model.slew.as_ref(), between);
         let last = index + 1 == self.stretches(leg);
         let measured = match end {
             End::Tick => Some((self.model.noise_variance.recip(), 0.0)),
@@ -212,15 +211,7 @@ impl<A: Single> Legs<A> for OneTimeline<'_, A> {
             End::Corner | End::Arrival => None,
         };
         Stretch {
-            turn: Turn {
-                from: m.reduced_from(),
-                change: m.change,
-                duration_s: m.duration_s,
-                time: 1.0,
-                instant: false,
-                way,
-                ramp,
-            },
+            turn: Turn::of_a_move(m, self.model.slew.as_ref(), between),
             interval: Interval {
                 start_s: 0.0,
                 length_s,

@@ -4,7 +4,7 @@
 //! A stretch of a move lies where the gimbals speed up, turn at their rate or slow down
 //! ([`crate::motion`] has the trapezoid that the rate is), so that the share s of the way that is done a
 //! time τ after its start is a polynomial, s = w₀ + w₁ τ + w₂ τ². What its coefficients are, and how they
-//! depend on the move, is worked out once for a stretch, in plain numbers ([`of_a_move`]).
+//! depend on the move, is worked out once for a stretch, in plain numbers ([`Turn::of_a_move`]).
 
 use super::arithmetic::{Number, three};
 use super::moves::attitude;
@@ -214,9 +214,24 @@ impl<N: Number> Turn<N> {
     }
 }
 
-/// w of the stretch of a move that lies between two times, s from its start, and how it depends on the
-/// move.
-pub(crate) fn of_a_move(
+impl Turn<f64> {
+    /// The stretch of a move that takes time which lies between two times, s from its start.
+    pub fn of_a_move(m: &Move, slew: Option<&SlewLimits>, between_s: [f64; 2]) -> Self {
+        let (way, ramp) = way_of_a_move(m, slew, between_s);
+        Self {
+            from: m.reduced_from(),
+            change: m.change,
+            duration_s: m.duration_s,
+            time: 1.0,
+            instant: false,
+            way,
+            ramp,
+        }
+    }
+}
+
+/// Its w, and how that depends on the move.
+fn way_of_a_move(
     m: &Move,
     slew: Option<&SlewLimits>,
     [start_s, end_s]: [f64; 2],
@@ -284,16 +299,7 @@ mod tests {
     }
 
     fn turn(m: &Move, between_s: [f64; 2]) -> Turn<f64> {
-        let (way, ramp) = of_a_move(m, Some(&slew()), between_s);
-        Turn {
-            from: m.from,
-            change: m.change,
-            duration_s: m.duration_s,
-            time: 1.0,
-            instant: false,
-            way,
-            ramp,
-        }
+        Turn::of_a_move(m, Some(&slew()), between_s)
     }
 
     /// Where a time of a move lies between its corners.

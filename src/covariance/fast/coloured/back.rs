@@ -22,8 +22,8 @@ use super::tape::{At, Channel, Step, Tape, Told};
 use super::wander::{Transition, Wander};
 use super::{Columns, Place, PlaceAdjoint};
 use crate::attitude::UP;
-use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work, three};
-use crate::covariance::fast::course::{Grows, LegAdjoint, Stretch};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Row, Work};
+use crate::covariance::fast::course::{Grows, LegAdjoint, Stretch, add_turn};
 use crate::covariance::fast::earth::Earth;
 use crate::covariance::fast::moves::pull_to_angles;
 
@@ -459,8 +459,6 @@ where
         let angles = pull_to_angles(self.earth.stand(), &place.c, alpha, &c);
         // The place is at a time, and the angles there change by their rates.
         let of = s.turn.pull(&way, &angles);
-        self.out[leg].add_angles(&of.change);
-        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
-        self.out[leg].add_move(of.duration);
+        add_turn(self.out, leg, &of, of.duration);
     }
 }

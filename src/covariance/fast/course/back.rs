@@ -6,11 +6,12 @@ use super::{
 use crate::covariance::fast::adjoint::{
     InformationAdjoint, MEASURED_ROWS, PlaceAdjoint, Sweep, dwell_rows,
 };
-use crate::covariance::fast::arithmetic::{Arithmetic, Work, three};
+use crate::covariance::fast::arithmetic::{Arithmetic, Number, Work, three};
 use crate::covariance::fast::earth::{Earth, Passed};
 use crate::covariance::fast::moves::{body_rate, drift_integral_adjoint, pull_to_angles};
 use crate::covariance::fast::shape::Shape;
 use crate::covariance::fast::square::{Entries, product, transpose};
+use crate::covariance::fast::turn::TurnAdjoint;
 use crate::covariance::fast::{Place, Wide};
 use crate::covariance::gradient::LegGradient;
 
@@ -39,6 +40,20 @@ impl LegAdjoint<f64> for LegGradient {
     fn add_move(&mut self, slope: f64) {
         self.move_s += slope;
     }
+}
+
+/// Adds the adjoints of the move to a leg: of its angles at both ends, and `duration`, what of that of its
+/// duration counts.
+#[inline(always)]
+pub(crate) fn add_turn<N: Number>(
+    out: &mut [impl LegAdjoint<N>],
+    leg: usize,
+    of: &TurnAdjoint<N>,
+    duration: N,
+) {
+    out[leg].add_angles(&of.change);
+    out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
+    out[leg].add_move(duration);
 }
 
 /// The sweep on its way back through the legs.
@@ -221,9 +236,7 @@ where
         let angles = pull_to_angles(self.earth.stand(), &place.c, *alpha, &c);
         // The place is at a time, and the angles there change by their rates.
         let of = s.turn.pull(way, &angles);
-        self.out[leg].add_angles(&of.change);
-        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
-        self.out[leg].add_move(of.duration);
+        add_turn(self.out, leg, &of, of.duration);
     }
 
     /// The place at the end of a move while the platform still turns.
@@ -283,9 +296,7 @@ where
             // A move without duration has none to change.
             of_duration = of_duration * s.turn.time;
         }
-        self.out[leg].add_move(of_duration);
-        self.out[leg].add_angles(&b.change);
-        self.out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
+        add_turn(self.out, leg, &b, of_duration);
         self.sweep.pass(passed);
         if S::GROUPS > 1 {
             if index > 0 {

@@ -12,7 +12,7 @@ use crate::covariance::fast::coloured::rows::turn_blocks;
 use crate::covariance::fast::coloured::tape::{At, Step, Turning};
 use crate::covariance::fast::coloured::wander::Transition;
 use crate::covariance::fast::coloured::{Place, PlaceAdjoint};
-use crate::covariance::fast::course::LegAdjoint;
+use crate::covariance::fast::course::{LegAdjoint, add_turn};
 use crate::covariance::fast::moves::body_rate;
 use crate::covariance::fast::square::{Entries, dot};
 
@@ -110,9 +110,7 @@ where
         let of = columns.collected(ar, &sweep.v[..3 * columns.width]);
         let b = integral_adjoint(ar, columns, earth, &s.turn, &s.interval, &s.panels, &of);
         // A move without duration has none to change.
-        self.out[leg].add_move((b.duration + length) * s.turn.time);
-        self.out[leg].add_angles(&b.change);
-        self.out[leg - 1].add_angles(&three!(|i| b.from[i] - b.change[i]));
+        add_turn(self.out, leg, &b, (b.duration + length) * s.turn.time);
     }
 
     #[inline(always)]
@@ -138,9 +136,7 @@ where
             &of_transition,
             &sweep.p,
         );
-        self.out[leg].add_angles(&of.change);
-        self.out[leg - 1].add_angles(&three!(|i| of.from[i] - of.change[i]));
-        self.out[leg].add_move(of.duration * s.turn.time);
+        add_turn(self.out, leg, &of, of.duration * s.turn.time);
         self.pass(sweep, t);
     }
 
